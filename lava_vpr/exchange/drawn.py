@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.config import LifNetwork
 from lava_vpr.engine.inference.biases import held_biases
-from lava_vpr.engine.inference.fixed import FixedNetwork, silent_steps
+from lava_vpr.engine.inference.fixed import FAN_IN, FixedNetwork, silent_steps
 from lava_vpr.engine.inference.quantise import TOP_PERCENTILE, mantissa_of
 from lava_vpr.errors import NetworkLimitError, brief
 from lava_vpr.loihi import (
@@ -75,6 +75,45 @@ def packed_references(kept: Mapping[str, Any]) -> bytes | None:
     if packed is not None and not (isinstance(packed, np.ndarray) and packed.dtype == np.uint8):
         raise UnfitNetwork(f"has references that are no bytes: {brief(packed)}")
     return None if packed is None else packed.tobytes()
+
+
+def heard(neurons: int, inhibitory: int) -> NDArray[np.bool_]:
+    """Whom each inhibitory neuron listens to, bool (inhibitory, population): the root to all, by leaves if it has any.
+
+    The population is ``neurons`` excitatory ones, the leaves and, last, the root.
+    """
+    listens = np.zeros((inhibitory, neurons + inhibitory), np.bool_)
+    listens[np.arange(neurons) // FAN_IN if inhibitory > 1 else 0, np.arange(neurons)] = True
+    listens[-1, neurons:-1] = True
+    return listens
+
+
+def inhibition_of(
+    recurrent: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    bias: NDArray[np.float64],
+    threshold: float,
+    neurons: int,
+) -> float:
+    """What the root of a population takes from every excitatory neuron, seen to be the only recurrence.
+
+    Args:
+        recurrent: What a spike of each neuron of the population adds to each, (to, from).
+        weights: Of the inputs, (population, inputs).
+        bias: Of each neuron of the population.
+        threshold: The one threshold.
+        neurons: How many of the population are excitatory, the first ones.
+    Raises:
+        Unfit: it is not one root that listens to all, by leaves where they are too many, and to nothing else.
+    """
+    taken, own, listens = recurrent[:neurons, -1], recurrent[neurons:], heard(neurons, len(recurrent) - neurons)
+    if taken.min() != taken.max() or taken[0] > 0:
+        raise UnfitNetwork("has a last neuron that does not take the same from every excitatory one")
+    if recurrent[:neurons, :-1].any() or own[~listens].any() or not (own[listens] > threshold).all():
+        raise UnfitNetwork("has a recurrent edge other than one inhibitory neuron that any spike fires")
+    if weights[neurons:].any() or bias[neurons:].any():
+        raise UnfitNetwork("has inputs or biases of its inhibitory neurons, the last of the population")
+    return float(-taken[0])
 
 
 class Whole(NamedTuple):

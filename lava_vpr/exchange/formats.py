@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import importlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 from lava_vpr.errors import InputError
 from lava_vpr.exchange.drawn import Drawn, UnfitNetwork
@@ -32,6 +32,11 @@ class FileOptions:
     references: bool = True
 
 
+def _module(name: str) -> ModuleType:
+    """A module beside this one: only who exchanges networks waits for the packages of a format."""
+    return importlib.import_module(f"lava_vpr.exchange.{name}")
+
+
 @dataclass(frozen=True)
 class FormatRow:
     """A format.
@@ -42,9 +47,10 @@ class FormatRow:
         endings: How names of its files end, with the dot, in small letters.
         holds: What a file holds, for messages.
         remedy: What to do about a file that holds no network of this shape.
-        content: Makes a file's content of a model's network; returns it with notes for people.
-        network: The network in a file's content, as `lava_vpr.storage.hdf5.read` reads it; the number is the seconds of
-            a step where the file does not say.
+        writer: The module here whose ``content(model, options)`` makes a file's content of a model's network, and notes
+            for people.
+        reader: The module here whose ``network(file, time_step)`` is the network in a file's content, as
+            `lava_vpr.storage.hdf5.read` reads it; the number is the seconds of a step where the file does not say.
     """
 
     name: str
@@ -52,10 +58,10 @@ class FormatRow:
     endings: tuple[str, ...]
     holds: str
     remedy: str
-    content: Callable[[IntegerModel, FileOptions], tuple[bytes, tuple[str, ...]]]
-    network: Callable[[Mapping[str, Any], float], Drawn]
+    writer: str
+    reader: str
 
-    def write(self, model: IntegerModel, path: Path, asked: FileOptions) -> tuple[str, ...]:
+    def write(self, model: IntegerModel, path: Path, options: FileOptions) -> tuple[str, ...]:
         """Write the network of ``model`` to ``path``, complete or not at all.
 
         Returns:
@@ -65,7 +71,7 @@ class FormatRow:
             InputError: it cannot be written, or would be larger than what is read.
         """
         try:
-            content, notes = self.content(model, asked)
+            content, notes = _module(self.writer).content(model, options)
             write_atomically(path, lambda file: file.write(content))
         except UnfitNetwork as error:
             raise InputError(f"{shown(path)}: the {self.holds} {error}") from None
@@ -74,7 +80,7 @@ class FormatRow:
                 f"{shown(path)}: the {self.holds} cannot be written ({error.strerror}); free space or choose another "
                 "place"
             ) from None
-        return notes
+        return tuple(notes)
 
     def read(self, path: Path, time_step: float) -> Drawn:
         """The network in the file at ``path``.
@@ -89,27 +95,14 @@ class FormatRow:
 
         file = hdf5.read(path, self.holds)
         try:
-            return self.network(file, time_step)
+            drawn: Drawn = _module(self.reader).network(file, time_step)
         except UnfitNetwork as error:
             raise InputError(f"{shown(path)}: the {self.holds} {error}; {self.remedy}") from None
+        return drawn
 
 
 FORMATS: Registry[FormatRow] = Registry("format", InputError)
 """Every format by name."""
-
-
-def _nir_content(model: IntegerModel, asked: FileOptions) -> tuple[bytes, tuple[str, ...]]:
-    """See `lava_vpr.exchange.nir_writing.content`."""
-    from lava_vpr.exchange import nir_writing
-
-    return nir_writing.content(model, asked.time_step, references=asked.references)
-
-
-def _nir_network(file: Mapping[str, Any], time_step: float) -> Drawn:
-    """See `lava_vpr.exchange.nir_reading.network`."""
-    from lava_vpr.exchange import nir_reading
-
-    return nir_reading.network(file, time_step)
 
 
 FORMATS.register(
@@ -119,24 +112,10 @@ FORMATS.register(
         endings=(".nir",),
         holds="NIR graph",
         remedy="give a graph Input -> Affine -> LIF -> Output with at most one recurrent Linear (docs/exchange.md)",
-        content=_nir_content,
-        network=_nir_network,
+        writer="nir_writing",
+        reader="nir_reading",
     )
 )
-
-
-def _netx_content(model: IntegerModel, asked: FileOptions) -> tuple[bytes, tuple[str, ...]]:
-    """See `lava_vpr.exchange.netx.content`."""
-    from lava_vpr.exchange import netx
-
-    return netx.content(model, references=asked.references)
-
-
-def _netx_network(file: Mapping[str, Any], time_step: float) -> Drawn:
-    """See `lava_vpr.exchange.netx.network`; it counts steps."""
-    from lava_vpr.exchange import netx
-
-    return netx.network(file)
 
 
 FORMATS.register(
@@ -146,8 +125,8 @@ FORMATS.register(
         endings=(".net", ".h5", ".hdf5"),
         holds="NetX file",
         remedy="give one with a single dense CUBA layer",
-        content=_netx_content,
-        network=_netx_network,
+        writer="netx",
+        reader="netx",
     )
 )
 

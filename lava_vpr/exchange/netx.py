@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork
 from lava_vpr.errors import NetworkLimitError, brief
-from lava_vpr.exchange.drawn import STEP_UNIT, Drawn, UnfitNetwork, packed_references
+from lava_vpr.exchange.drawn import STEP_UNIT, Drawn, UnfitNetwork, inhibition_of, packed_references
+from lava_vpr.exchange.formats import FileOptions
 from lava_vpr.exchange.nir_writing import FORMAT, container_of
 from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT, SIGNED_WEIGHT_LIMIT, WEIGHT_BITS
 from lava_vpr.model import IntegerModel
@@ -73,12 +74,12 @@ def held(network: FixedNetwork) -> FixedNetwork:
     return made
 
 
-def content(model: IntegerModel, *, references: bool) -> tuple[bytes, tuple[str, ...]]:
+def content(model: IntegerModel, options: FileOptions) -> tuple[bytes, tuple[str, ...]]:
     """The content of a file with the network of ``model``, and what it does not hold as the model does, for people.
 
     Args:
         model: The model.
-        references: Whether the file takes along all of the model that the network does not say.
+        options: Whether the file takes along all of the model that the network does not say.
     Raises:
         NetworkLimitError: NetX has no place for the network.
     """
@@ -87,7 +88,7 @@ def content(model: IntegerModel, *, references: bool) -> tuple[bytes, tuple[str,
     with h5py.File(buffer, "w") as file:
         _fill(file, network)
         own: dict[str, Any] = {"format": FORMAT, "says": SAID, "steps": network.steps, "interval": network.interval}
-        if references:
+        if options.references:
             own["references"] = np.frombuffer(container_of(model), np.uint8)
         for name, value in own.items():
             file[f"lava_vpr/{name}"] = value
@@ -133,23 +134,12 @@ def _fill(file: h5py.File, network: FixedNetwork) -> None:
         file.create_dataset(f"layer/{name}", (1,), "S10", [word])
 
 
-def network(file: Mapping[str, Any]) -> Drawn:
-    """The network in the content of a file: one dense layer, recurrent or not, behind its input.
-
-    Raises:
-        Unfit: it holds no network of this shape.
-    """
-    return _network(_layer(file), file.get("lava_vpr"))
-
-
 def _layer(file: Mapping[str, Any]) -> Mapping[str, Any]:
     """The one layer with synapses."""
     layers = file.get("layer")
-    if not isinstance(layers, dict) or not all(isinstance(layer, dict) for layer in layers.values()):
+    if not isinstance(layers, dict) or not layers or not all(isinstance(layer, dict) for layer in layers.values()):
         raise UnfitNetwork("has no layers")
     kinds = {name: _word(layer) for name, layer in layers.items()}
-    if not kinds:
-        raise UnfitNetwork("has no layers")
     (*others, name) = sorted(kinds)
     if kinds[name] not in ("dense", "dense_rec") or len(others) > 1 or any(kinds[one] != "input" for one in others):
         raise UnfitNetwork(f"has layers {brief([kinds[one] for one in sorted(kinds)])}")
@@ -178,8 +168,16 @@ def _numbers(part: Mapping[str, Any], name: str, axes: int) -> NDArray[np.float6
     return values
 
 
-def _network(layer: Mapping[str, Any], own: object) -> Drawn:
-    """The network of a layer, with what our own export keeps beside it."""
+def network(file: Mapping[str, Any], time_step: float = 0.0) -> Drawn:
+    """The network in the content of a file: one dense layer, recurrent or not, behind its input.
+
+    Args:
+        file: As `lava_vpr.storage.hdf5.read` reads it, with what our own export keeps beside the layers.
+        time_step: Not used: NetX counts steps.
+    Raises:
+        Unfit: it holds no network of this shape.
+    """
+    layer, own = _layer(file), file.get("lava_vpr")
     neuron = layer.get("neuron")
     if not isinstance(neuron, dict) or _word(neuron) not in ("CUBA", "LOIHI"):
         raise UnfitNetwork("has no CUBA neurons")
@@ -192,7 +190,10 @@ def _network(layer: Mapping[str, Any], own: object) -> Drawn:
         raise UnfitNetwork(f"has {len(bias)} biases for {len(weight)} neurons")
     taken = 0.0
     if _word(layer) == "dense_rec":
-        taken = _inhibition(_numbers(layer, "weight_rec", 2), weight, bias, threshold)
+        recurrent = _numbers(layer, "weight_rec", 2)
+        if recurrent.shape != (len(weight), len(weight)) or len(weight) < 2:
+            raise UnfitNetwork(f"has recurrent weights of shape {recurrent.shape} for {len(weight)} neurons")
+        taken = inhibition_of(recurrent, weight, bias, threshold, len(weight) - 1)
         weight, bias = weight[:-1], bias[:-1]
     kept = own if isinstance(own, dict) and own.get("format") == FORMAT else {}
     return Drawn(
@@ -204,20 +205,3 @@ def _network(layer: Mapping[str, Any], own: object) -> Drawn:
         unit=float(STEP_UNIT),
         references=packed_references(kept),
     )
-
-
-def _inhibition(
-    recurrent: NDArray[np.float64], weight: NDArray[np.float64], bias: NDArray[np.float64], threshold: float
-) -> float:
-    """What the last neuron of a population takes from all others, seen to be the only recurrence."""
-    size = len(weight)
-    if recurrent.shape != (size, size) or size < 2:
-        raise UnfitNetwork(f"has recurrent weights of shape {recurrent.shape} for {size} neurons")
-    taken = -recurrent[:-1, -1]
-    if recurrent[:-1, :-1].any() or recurrent[-1, -1] or taken.min() != taken.max() or taken[0] < 0:
-        raise UnfitNetwork("has a recurrence other than one inhibitory neuron, the last, that takes the same from all")
-    if weight[-1].any() or bias[-1] or (recurrent[-1, :-1] <= threshold).any():
-        raise UnfitNetwork(
-            "has a last neuron that does not fire by any spike of the others alone, or by more than that"
-        )
-    return float(taken[0])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import FAN_IN, SCALARS, inhibitory_depth
 from lava_vpr.errors import brief
-from lava_vpr.exchange.drawn import Drawn, UnfitNetwork, packed_references
+from lava_vpr.exchange.drawn import Drawn, UnfitNetwork, inhibition_of, packed_references
 from lava_vpr.exchange.nir_writing import FORMAT
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 from lava_vpr.settings.ranges import real, whole
@@ -119,9 +119,8 @@ def network_of(graph: nir.NIRGraph, time_step: float) -> Drawn:
         if getattr(recurrent, "bias", np.zeros(1)).any():
             raise UnfitNetwork("has biases in its recurrent edge")
         excitatory = excitatory_of(len(weights))
-        inhibition = _inhibition(recurrent.weight * constants.gain, excitatory, constants.threshold)
-        if weights[excitatory:].any() or bias[excitatory:].any():
-            raise UnfitNetwork("has inputs or biases of its inhibitory neurons, the last of the population")
+        matrix = recurrent.weight * constants.gain
+        inhibition = inhibition_of(matrix, weights, bias, constants.threshold, excitatory)
     return Drawn(
         weights=weights[:excitatory].T,
         bias=bias[:excitatory],
@@ -239,26 +238,3 @@ def excitatory_of(size: int) -> int:
     if neurons < 1 or leaves != (0 if inhibitory_depth(neurons) == 1 else -(-neurons // FAN_IN)):
         raise UnfitNetwork(f"has a population of {size}, which no number of neurons and their inhibitory ones make")
     return neurons
-
-
-def _inhibition(matrix: NDArray[np.float64], neurons: int, threshold: float) -> float:
-    """What the root takes from every excitatory neuron, of a recurrent ``matrix`` (to, from).
-
-    Raises:
-        Unfit: the matrix is not that of one root that listens to all, by leaves where they are too many.
-    """
-    taken = matrix[:neurons, -1]
-    if not (taken == taken[0]).all() or taken[0] > 0:
-        raise UnfitNetwork("has a last neuron that does not take the same from every excitatory one")
-    inhibitory = len(matrix) - neurons
-    listens = np.zeros((inhibitory, len(matrix)), bool)
-    if inhibitory == 1:
-        listens[0, :neurons] = True
-    else:
-        for leaf in range(inhibitory - 1):
-            listens[leaf, leaf * FAN_IN : min(neurons, (leaf + 1) * FAN_IN)] = True
-        listens[-1, neurons:-1] = True
-    own = matrix[neurons:]
-    if matrix[:neurons, :-1].any() or (own[~listens] != 0).any() or not (own[listens] > threshold).all():
-        raise UnfitNetwork("has a recurrent edge other than one inhibitory neuron that any spike fires")
-    return float(-taken[0])

@@ -25,8 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import __version__
-from lava_vpr.engine.inference.fixed import FAN_IN, FixedNetwork
-from lava_vpr.exchange.drawn import STEP_UNIT, UnfitNetwork, digest
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.exchange.drawn import STEP_UNIT, UnfitNetwork, digest, heard
+from lava_vpr.exchange.formats import FileOptions
 from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT
 from lava_vpr.model import IntegerModel, checked_content
 from lava_vpr.storage import container
@@ -53,13 +54,12 @@ POPULATION = (
 )
 
 
-def content(model: IntegerModel, time_step: float, *, references: bool) -> tuple[bytes, tuple[str, ...]]:
+def content(model: IntegerModel, options: FileOptions) -> tuple[bytes, tuple[str, ...]]:
     """The content of a file with the network of ``model``, and what the graph does not say, for people.
 
     Args:
         model: The model.
-        time_step: Seconds of a step.
-        references: Whether the file takes along all of the model that the network does not say.
+        options: Seconds of a step, and whether the file takes along all of the model that the network does not say.
     Raises:
         Unfit: it would be larger than what is read.
     """
@@ -69,7 +69,7 @@ def content(model: IntegerModel, time_step: float, *, references: bool) -> tuple
     if beyond is not None:
         raise UnfitNetwork(f"would unpack to {beyond}")
     buffer = io.BytesIO()
-    nir.write(buffer, graph_of(network, time_step, container_of(model) if references else None))
+    nir.write(buffer, graph_of(network, options.time_step, container_of(model) if options.references else None))
     return buffer.getvalue(), (
         f"NIR says nothing of input delays: an input spike reaches the membranes {network.input_delay} step(s) later",
         "NIR has no integers: a simulator that does not truncate the decayed membrane may differ by some spikes",
@@ -156,10 +156,5 @@ def recurrence(network: FixedNetwork) -> NDArray[np.float32]:
     fires = np.float32(2 * (network.threshold << INPUT_SHIFT))
     matrix = np.zeros((size, size), np.float32)
     matrix[:neurons, -1] = -(network.lateral << INPUT_SHIFT)
-    if network.leaves:
-        for leaf in range(network.leaves):
-            matrix[neurons + leaf, leaf * FAN_IN : min(neurons, (leaf + 1) * FAN_IN)] = fires
-        matrix[-1, neurons:-1] = fires
-    else:
-        matrix[-1, :neurons] = fires
+    matrix[neurons:][heard(neurons, network.inhibitory)] = fires
     return matrix
