@@ -9,8 +9,7 @@ among SubProcessModels as if they were positions among all (``magma/core/run_con
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
-from typing import Any, Literal, TypeVar
+from typing import Any
 
 import numpy as np
 from lava.proc.dense.process import Dense
@@ -23,11 +22,8 @@ from scipy.sparse import csr_matrix
 from lava_vpr.engine.general.lif import need
 from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT
 from lava_vpr.processes.base.checked import RegisterVar
-from lava_vpr.processes.base.cpu_model import TAGS
-from lava_vpr.processes.base.magma import AbstractProcess, AbstractSubProcessModel, LoihiProtocol, implements, tag
+from lava_vpr.processes.base.magma import AbstractProcess, AbstractSubProcessModel
 from lava_vpr.processes.base.neurons import NO_FLOOR, LifProcess
-
-Model = TypeVar("Model", bound=type[Any])
 
 MISSING = "left out with Lava's library; run it without select_sub_proc_model"
 """What to do about a parameter that only this project's own models have."""
@@ -35,15 +31,6 @@ MISSING = "left out with Lava's library; run it without select_sub_proc_model"
 
 CONSTANT = ("du", "dv", "vth", "held", "floor", "hold_steps", "theta_plus")
 """Vars of a `LifProcess` that cannot be set with Lava's library: it has them in another form, or not at all."""
-
-
-def library_model(process: type[Any], arithmetic: Literal["fixed", "float"]) -> Callable[[Model], Model]:
-    """Declare a class as what Lava's library has for ``process`` in an arithmetic; the tags are `TAGS`."""
-
-    def declare(model: Model) -> Model:
-        return implements(proc=process, protocol=LoihiProtocol)(tag(*TAGS[arithmetic])(model))
-
-    return declare
 
 
 def stand_for(proc: Any, part: AbstractProcess, *shared: str, constant: tuple[str, ...] = ()) -> None:
@@ -100,7 +87,7 @@ def library_neurons(proc: LifProcess, floating: bool) -> LIF:
 class LibraryNeurons(AbstractSubProcessModel):
     """A population of Lava's library in the place of a `LifProcess`."""
 
-    floating = False
+    floating: bool
 
     def __init__(self, proc: LifProcess) -> None:
         if not self.floating:
@@ -114,7 +101,7 @@ class LibraryNeurons(AbstractSubProcessModel):
 class LibrarySynapses(AbstractSubProcessModel):
     """Synapses of Lava's library in the place of this project's; those of a model are what `made` makes."""
 
-    floating = False
+    floating: bool
     constant: tuple[str, ...] = ()
 
     def __init__(self, proc: Any) -> None:

@@ -156,6 +156,21 @@ class LifProcess(CheckedProcess):
         lif_step(*state, *sums, LifParameters().constants, np.zeros(1, bool))
 
 
+HELD = {
+    "a_in": (np.int64, 24),
+    "u": (np.int32, 24),
+    "v": (np.int32, 24),
+    "vth": (np.int32, 17),
+    "bias_mant": (np.int32, 13),
+    "bias_exp": (np.int32, 4),
+    "du": (np.int32, 12),
+    "dv": (np.int32, 13),
+    "floor": (np.int32, 18),
+    "theta_plus": (np.int32, 17),
+}
+"""Types and bits of the integer model, as `model_of` takes them."""
+
+
 class LifModel(PyLoihiProcessModel):
     """The base of both models: presentations begin at rest and with their biases; each integrates in its arithmetic."""
 
@@ -165,8 +180,13 @@ class LifModel(PyLoihiProcessModel):
     a_in: PyInPort
     u: NDArray[Any]
     v: NDArray[Any]
+    vth: NDArray[Any]
     bias_mant: NDArray[Any]
     bias_exp: NDArray[Any]
+    du: NDArray[Any]
+    dv: NDArray[Any]
+    floor: NDArray[Any]
+    theta_plus: NDArray[Any]
 
     def __init__(self, proc_params: Any) -> None:
         super().__init__(proc_params)
@@ -209,17 +229,6 @@ class LifModel(PyLoihiProcessModel):
 class LifModelFixed(LifModel):
     """The neurons in Loihi's integers, by `lif_step`: bit-accurate with Lava's LIF."""
 
-    a_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, np.int64, precision=24)
-    u: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
-    v: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
-    vth: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=17)
-    bias_mant: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=13)
-    bias_exp: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=4)
-    du: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=12)
-    dv: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=13)
-    floor: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=18)
-    theta_plus: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=17)
-
     def prepare(self) -> None:
         """Make the numbers that `lif_step` takes of the Vars."""
         du, dv, floor, hold, plus = (
@@ -238,17 +247,6 @@ class LifModelFixed(LifModel):
 
 class LifModelFloat(LifModel):
     """The neurons of `LifProcess` in float64: the equations without truncation, wrapping and clipping."""
-
-    a_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, float)
-    u: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    v: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    vth: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    bias_mant: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    bias_exp: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    du: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    dv: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    floor: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    theta_plus: NDArray[np.float64] = LavaPyType(np.ndarray, float)
 
     def prepare(self) -> None:
         """Make the shares of u and v that stay in a step."""

@@ -16,10 +16,9 @@ from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, INPUT_SHIFT, NO_MEMORY_DECAY
 from lava_vpr.processes.base.checked import RegisterVar, require
-from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.base.encoders import EncoderModel, EncoderProcess
-from lava_vpr.processes.base.library_parts import library_model, stand_for
-from lava_vpr.processes.base.magma import AbstractSubProcessModel, LavaPyType
+from lava_vpr.processes.base.library_parts import stand_for
+from lava_vpr.processes.base.magma import AbstractSubProcessModel, model_of
 from lava_vpr.processes.base.neurons import check_state
 
 
@@ -71,7 +70,7 @@ class PoissonEncoder(EncoderProcess):
         draw_block(0, n, *arrays)
 
 
-@cpu_model(PoissonEncoder, "fixed", "float")
+@model_of(PoissonEncoder, "fixed", "float")
 class PyPoissonEncoder(EncoderModel):
     """The model draws the spikes of four steps at a time."""
 
@@ -108,7 +107,7 @@ class RegularEncoder(EncoderProcess):
         schedule(np.ones(1, np.int32), np.uint64(0), 1)
 
 
-@cpu_model(RegularEncoder, "fixed", "float")
+@model_of(RegularEncoder, "fixed", "float")
 class PyRegularEncoder(EncoderModel):
     """The model works out a presentation's spikes at its start."""
 
@@ -134,7 +133,7 @@ class FinePoissonEncoder(EncoderProcess):
     rate_bits = 32
 
 
-@cpu_model(FinePoissonEncoder, "float")
+@model_of(FinePoissonEncoder, "float")
 class PyFinePoissonEncoder(EncoderModel):
     """The model draws a presentation's spikes when it begins."""
 
@@ -229,7 +228,7 @@ class BiasInputs(EncoderProcess):
 
 
 class _LibraryInputs(AbstractSubProcessModel):
-    floating = False
+    floating: bool
 
     def __init__(self, proc: BiasInputs) -> None:
         if proc.proc_params["shared"] is not None:
@@ -241,16 +240,17 @@ class _LibraryInputs(AbstractSubProcessModel):
         stand_for(proc, self.neurons, "v", "bias_mant", "bias_exp", constant=("emitted",))
 
 
-@library_model(BiasInputs, "fixed")
+@model_of(BiasInputs, "fixed")
 class SubBiasInputsFixed(_LibraryInputs):
     """Lava's LIF, with the first presentation's bias and start membrane; `BiasInputs.write` brings the others."""
 
 
-@library_model(BiasInputs, "float")
+@model_of(BiasInputs, "float")
 class SubBiasInputsFloat(_LibraryInputs):
     """The same with the numbers that Lava's floating-point models take."""
 
-    floating = True
+
+_HELD = {"v": (np.int32, 24), "bias_mant": (np.int32, 13), "bias_exp": (np.int32, 3)}
 
 
 class _InputsModel(EncoderModel):
@@ -275,21 +275,15 @@ class _InputsModel(EncoderModel):
         return spikes
 
 
-@cpu_model(BiasInputs, "float")
+@model_of(BiasInputs, "float", held=_HELD)
 class PyBiasInputsFloat(_InputsModel):
     """The compartments in float64, whose v is in the unit of the threshold."""
 
-    v: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    bias_mant: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    bias_exp: NDArray[np.float64] = LavaPyType(np.ndarray, float)
     threshold, scale = float(THRESHOLD), 2.0**-INPUT_SHIFT
 
 
-@cpu_model(BiasInputs, "fixed")
+@model_of(BiasInputs, "fixed", held=_HELD)
 class PyBiasInputsFixed(_InputsModel):
     """The compartments in Loihi's integers."""
 
-    v: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
-    bias_mant: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=13)
-    bias_exp: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=3)
     threshold, scale = LEVEL, 1

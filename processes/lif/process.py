@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from lava_vpr.loihi import NO_MEMORY_DECAY
-from lava_vpr.processes.base.cpu_model import cpu_model
-from lava_vpr.processes.base.library_parts import LibraryNeurons, library_model
-from lava_vpr.processes.base.neurons import LifModelFixed, LifModelFloat, LifProcess
+from lava_vpr.processes.base.library_parts import LibraryNeurons
+from lava_vpr.processes.base.magma import model_of
+from lava_vpr.processes.base.neurons import HELD, LifModelFixed, LifModelFloat, LifProcess
 
 
 class ExcitatoryLIF(LifProcess):
@@ -18,24 +18,22 @@ class ExcitatoryLIF(LifProcess):
     """
 
 
-@library_model(ExcitatoryLIF, "fixed")
+@model_of(ExcitatoryLIF, "fixed")
 class SubExcitatoryLIFFixed(LibraryNeurons):
     """Lava's LIFReset, or LIF where there are no resets."""
 
 
-@library_model(ExcitatoryLIF, "float")
+@model_of(ExcitatoryLIF, "float")
 class SubExcitatoryLIFFloat(LibraryNeurons):
     """The same, with the numbers that Lava's floating-point models take."""
 
-    floating = True
 
-
-@cpu_model(ExcitatoryLIF, "float")
+@model_of(ExcitatoryLIF, "float", held=HELD)
 class PyExcitatoryLIFFloat(LifModelFloat):
     """The excitatory neurons in float64, without truncation, wrapping and clipping."""
 
 
-@cpu_model(ExcitatoryLIF, "fixed")
+@model_of(ExcitatoryLIF, "fixed", held=HELD)
 class PyExcitatoryLIFFixed(LifModelFixed):
     """The excitatory neurons in Loihi's integers, bit-accurate with Lava's LIF."""
 
@@ -59,23 +57,21 @@ class InhibitoryLIF(LifProcess):
         super().__init__(dv=dv, vth=vth, **kwargs)
 
 
-@library_model(InhibitoryLIF, "fixed")
+@model_of(InhibitoryLIF, "fixed")
 class SubInhibitoryLIFFixed(LibraryNeurons):
     """Lava's LIFReset, or LIF where there are no resets."""
 
 
-@library_model(InhibitoryLIF, "float")
+@model_of(InhibitoryLIF, "float")
 class SubInhibitoryLIFFloat(LibraryNeurons):
     """The same, with the numbers that Lava's floating-point models take."""
 
-    floating = True
 
-
-@cpu_model(InhibitoryLIF, "float")
+@model_of(InhibitoryLIF, "float", held=HELD)
 class PyInhibitoryLIFFloat(LifModelFloat):
     """The neurons in float64, without truncation, wrapping and clipping."""
 
 
-@cpu_model(InhibitoryLIF, "fixed")
+@model_of(InhibitoryLIF, "fixed", held=HELD)
 class PyInhibitoryLIFFixed(LifModelFixed):
     """The neurons in Loihi's integers, bit-accurate with Lava's LIF."""

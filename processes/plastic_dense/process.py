@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from lava.magma.core.learning.learning_rule import Loihi2FLearningRule
@@ -15,11 +15,9 @@ from lava_vpr.engine.learning.integer import WeightRule, normalise, step_draws
 from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws, decay_traces, learn_column
 from lava_vpr.engine.learning.lava_order import LibraryDraws
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_EXPONENT_LIMIT
+from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_outputs, whole
-from lava_vpr.processes.base.cpu_model import cpu_model
-from lava_vpr.processes.base.float_rule import FloatRule
-from lava_vpr.processes.base.library_parts import MISSING, LibrarySynapses, library_model, stand_for
+from lava_vpr.processes.base.library_parts import MISSING, LibrarySynapses, stand_for
 from lava_vpr.processes.base.magma import (
     AbstractSubProcessModel,
     InPort,
@@ -29,9 +27,43 @@ from lava_vpr.processes.base.magma import (
     PyLoihiProcessModel,
     PyOutPort,
     Var,
+    model_of,
 )
 
 _EXPONENTS = f"in {-WEIGHT_EXPONENT_LIMIT}..{WEIGHT_EXPONENT_LIMIT}"
+
+
+class FloatRule(NamedTuple):
+    """On a postsynaptic spike ``w += eta (x - target) (w_max - w)^mu``, clipped to [0, w_max].
+
+    The presynaptic trace x is set to 1 by a spike and decays by exp(-1 / tau) a step (the paper's rule, as
+    `lava_vpr.engine.learning.stdp`).
+    """
+
+    eta: float
+    target: float
+    mu: float
+    tau: float
+    w_max: float
+
+    @classmethod
+    def of(cls, rule: WeightRule) -> FloatRule:
+        """The rule that the integer ``rule`` approximates, for weights in 0..255."""
+        eta = sum(mantissa * 2.0**exponent for mantissa, exponent in rule.products) / (1 << max(0, 9 * rule.mu - 4))
+        return cls(eta * TRACE_LIMIT, rule.target / TRACE_LIMIT, float(rule.mu), rule.tau, float(WEIGHT_LIMIT))
+
+    def check(self) -> None:
+        """Refuse what makes no rule.
+
+        Raises:
+            NetworkLimitError: naming the part.
+        """
+        for name in ("eta", "target", "mu"):
+            value = getattr(self, name)
+            need(bool(np.isfinite(value)) and value >= 0, name, value, "a finite number, at least 0")
+        for name in ("tau", "w_max"):
+            value = getattr(self, name)
+            need(bool(np.isfinite(value)) and value > 0, name, value, "a finite number above 0")
 
 
 class PlasticDense(CheckedProcess):
@@ -185,7 +217,7 @@ def _check_timing(
     need(weight_sum == 0 or keys is not None, "PlasticDense: keys", None, "given with weight_sum")
 
 
-@library_model(PlasticDense, "fixed")
+@model_of(PlasticDense, "fixed")
 class SubPlasticDenseFixed(LibrarySynapses):
     """Lava's LearningDense, whose postsynaptic spikes come from ``s_in_post``."""
 
@@ -221,7 +253,7 @@ class SubPlasticDenseFixed(LibrarySynapses):
         return LearningDense(weights=weights, weight_exp=exponent, learning_rule=stdp, sign_mode=SignMode.EXCITATORY)
 
 
-@library_model(PlasticDense, "float")
+@model_of(PlasticDense, "float")
 class SubPlasticDenseFloat(AbstractSubProcessModel):
     """None: Lava's floating-point LearningDense scales the same rule differently."""
 
@@ -230,6 +262,9 @@ class SubPlasticDenseFloat(AbstractSubProcessModel):
             "PlasticDense: Lava's floating-point LearningDense scales a rule otherwise than its fixed-point one; take "
             'select_tag="fixed_pt"'
         )
+
+
+_HELD = {"a_out": (np.int32, 24), "weights": (np.uint8, 8), "x1": (np.uint8, 7), "a_buff": (np.int32, 24)}
 
 
 class PlasticModel(PyLoihiProcessModel):
@@ -273,14 +308,10 @@ class PlasticModel(PyLoihiProcessModel):
                         record[image] = getattr(self, name)
 
 
-@cpu_model(PlasticDense, "fixed")
+@model_of(PlasticDense, "fixed", held=_HELD)
 class PyPlasticDenseFixed(PlasticModel):
     """The host engine's kernels; equal to Lava's LearningDense where that can express the rule."""
 
-    a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, np.int32, precision=24)
-    weights: NDArray[np.uint8] = LavaPyType(np.ndarray, np.uint8, precision=8)
-    x1: NDArray[np.uint8] = LavaPyType(np.ndarray, np.uint8, precision=7)
-    a_buff: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
     top = TRACE_LIMIT
 
     def __init__(self, proc_params: Any) -> None:
@@ -317,14 +348,10 @@ class PyPlasticDenseFixed(PlasticModel):
             learn_column(columns, i, self.x1, self.products, self.rule.target, self.rule.mu, draw)
 
 
-@cpu_model(PlasticDense, "float")
+@model_of(PlasticDense, "float", held=_HELD)
 class PyPlasticDenseFloat(PlasticModel):
     """The rule in float64, without rounding; random numbers are not needed."""
 
-    a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, float)
-    weights: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    x1: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    a_buff: NDArray[np.float64] = LavaPyType(np.ndarray, float)
     top = 1.0
 
     def __init__(self, proc_params: Any) -> None:

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
 from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, check_shape, whole
-from lava_vpr.processes.base.cpu_model import cpu_model
-from lava_vpr.processes.base.magma import InPort, LavaPyType, PyInPort, PyLoihiProcessModel, Var
+from lava_vpr.processes.base.magma import InPort, LavaPyType, PyInPort, PyLoihiProcessModel, Var, model_of
 
 
 class SpikeCounter(CheckedProcess):
@@ -61,7 +60,7 @@ class SpikeCounter(CheckedProcess):
         self.counts = Var(shape=(presentations, n), init=0)
 
 
-@cpu_model(SpikeCounter, "fixed", "float")
+@model_of(SpikeCounter, "fixed", "float")
 class PySpikeCounter(PyLoihiProcessModel):
     """The counter, of networks in either arithmetic."""
 

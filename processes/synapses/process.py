@@ -16,9 +16,19 @@ from lava_vpr.engine.general.lif import dense_step, need, stored_weights
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import WEIGHT_BITS, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_shape, require, vector, whole
-from lava_vpr.processes.base.cpu_model import cpu_model
-from lava_vpr.processes.base.library_parts import LibrarySynapses, library_model, library_synapses
-from lava_vpr.processes.base.magma import InPort, LavaPyType, OutPort, PyInPort, PyLoihiProcessModel, PyOutPort, Var
+from lava_vpr.processes.base.library_parts import LibrarySynapses, library_synapses
+from lava_vpr.processes.base.magma import (
+    InPort,
+    LavaPyType,
+    OutPort,
+    PyInPort,
+    PyLoihiProcessModel,
+    PyOutPort,
+    Var,
+    model_of,
+)
+
+_SUMS, _WEIGHT = {"a_out": (np.int32, 24), "a_buff": (np.int32, 24)}, (np.int32, 9)
 
 
 def sign_of(weights: NDArray[Any], sign_mode: SignMode | str | None) -> lif.SignMode:
@@ -123,22 +133,21 @@ class _LibraryDense(LibrarySynapses):
         )
 
 
-@library_model(DenseSynapses, "fixed")
+@model_of(DenseSynapses, "fixed")
 class SubDenseSynapsesFixed(_LibraryDense):
     """Lava's Dense or Sparse."""
 
 
-@library_model(DenseSynapses, "float")
+@model_of(DenseSynapses, "float")
 class SubDenseSynapsesFloat(_LibraryDense):
     """The same with weights that Lava's floating-point models take."""
-
-    floating = True
 
 
 class _DenseModel(PyLoihiProcessModel):
     """The base of both models keeps rows of weights, made at first and whenever a Var was set."""
 
     s_in: PyInPort = LavaPyType(PyInPort.VEC_DENSE, bool, precision=1)
+    a_out: PyOutPort
     weights: NDArray[Any]
     a_buff: NDArray[Any]
     rows: NDArray[Any] | None = None
@@ -152,13 +161,9 @@ class _DenseModel(PyLoihiProcessModel):
         self.rows = None
 
 
-@cpu_model(DenseSynapses, "float")
+@model_of(DenseSynapses, "float", held=_SUMS | {"weights": _WEIGHT})
 class PyDenseSynapsesFloat(_DenseModel):
     """The synapses in float64, with the weights as they were given."""
-
-    a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, float)
-    weights: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    a_buff: NDArray[np.float64] = LavaPyType(np.ndarray, float)
 
     def run_spk(self) -> None:
         """Send the sums of the step before, then add up this one's."""
@@ -169,13 +174,9 @@ class PyDenseSynapsesFloat(_DenseModel):
         self.rows.take(spikes, axis=0).sum(axis=0, out=self.a_buff)
 
 
-@cpu_model(DenseSynapses, "fixed")
+@model_of(DenseSynapses, "fixed", held=_SUMS | {"weights": _WEIGHT})
 class PyDenseSynapsesFixed(_DenseModel):
     """`dense_step` on the weights as synapse memory holds them, bit-accurate with Lava's Dense."""
-
-    a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, np.int32, precision=24)
-    weights: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=9)
-    a_buff: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
 
     def _prepare(self) -> None:
         params = self.proc_params
@@ -244,16 +245,14 @@ class _LibraryDiagonal(LibrarySynapses):
         return library_synapses(weights, proc.proc_params["weight_exp"], sign, floating=self.floating, sparse=True)
 
 
-@library_model(OneToOne, "fixed")
+@model_of(OneToOne, "fixed")
 class SubOneToOneFixed(_LibraryDiagonal):
     """Lava's Sparse with weights on its diagonal."""
 
 
-@library_model(OneToOne, "float")
+@model_of(OneToOne, "float")
 class SubOneToOneFloat(_LibraryDiagonal):
     """The same with weights that Lava's floating-point models take."""
-
-    floating = True
 
 
 class _OneToOneModel(PyLoihiProcessModel):
@@ -272,22 +271,14 @@ class _OneToOneModel(PyLoihiProcessModel):
         np.multiply(self.s_in.recv().astype(bool, copy=False), self.weight * self.unit, out=self.a_buff)
 
 
-@cpu_model(OneToOne, "float")
+@model_of(OneToOne, "float", held=_SUMS | {"weight": _WEIGHT})
 class PyOneToOneFloat(_OneToOneModel):
     """The synapses from each neuron to its partner in float64, with any weight."""
 
-    a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, float)
-    weight: NDArray[np.float64] = LavaPyType(np.ndarray, float)
-    a_buff: NDArray[np.float64] = LavaPyType(np.ndarray, float)
 
-
-@cpu_model(OneToOne, "fixed")
+@model_of(OneToOne, "fixed", held=_SUMS | {"weight": _WEIGHT})
 class PyOneToOneFixed(_OneToOneModel):
     """The synapses from each neuron to its partner in Loihi's integers."""
-
-    a_out: PyOutPort = LavaPyType(PyOutPort.VEC_DENSE, np.int32, precision=24)
-    weight: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=9)
-    a_buff: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32, precision=24)
 
 
 class LateralInhibition(CheckedProcess):
@@ -315,7 +306,7 @@ class LateralInhibition(CheckedProcess):
         self.a_buff = Var(shape=shape, init=0)
 
 
-@cpu_model(LateralInhibition, "float")
+@model_of(LateralInhibition, "float")
 class PyLateralInhibitionFloat(PyLoihiProcessModel):
     """The inhibition between neurons in float64, with any strength."""
 

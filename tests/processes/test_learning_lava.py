@@ -20,10 +20,9 @@ from lava_vpr.engine.learning.lava_order import LibraryDraws
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
-from lava_vpr.processes.base.float_rule import FloatRule
 from lava_vpr.processes.jobs.learning import LEARNING, LIBRARY, options_of
 from lava_vpr.processes.networks.learning_place_network.process import LearningPlaceNetwork
-from lava_vpr.processes.plastic_dense.process import PlasticDense
+from lava_vpr.processes.plastic_dense.process import FloatRule, PlasticDense
 
 pytestmark = pytest.mark.lava
 
@@ -202,7 +201,7 @@ def float_rule_in_lava(tag: str, weights: NDArray[np.float64]) -> tuple[dict[str
     spikes = rng.random((2 * (20 + SILENT_STEPS) + 4, 12)) < 0.2
     arrays = {"pre": spikes[:, :8], "post": spikes[:, 8:], "weights": weights, "keys": np.arange(2, dtype=np.uint64)}
     plastic = {"steps": 20, "weight_sum": 4.0, "weight_exp": -1}
-    options = {"tag": tag, "rule": dataclasses.asdict(RULE), "plastic": plastic}
+    options = {"tag": tag, "rule": RULE._asdict(), "plastic": plastic}
     return run_isolated("support.lava.learning_dense:float_rule", arrays, options, timeout=60), spikes
 
 

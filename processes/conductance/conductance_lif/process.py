@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.processes.base.checked import check_shape
-from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.base.magma import (
     AbstractProcess,
     InPort,
@@ -19,6 +18,7 @@ from lava_vpr.processes.base.magma import (
     PyLoihiProcessModel,
     PyOutPort,
     Var,
+    model_of,
 )
 from lava_vpr.processes.conductance.neurons import ConductanceNeuron
 
@@ -81,7 +81,7 @@ class ConductanceLIF(AbstractProcess):
         self.since_spike = Var(shape=shape, init=READY)
 
 
-@cpu_model(ConductanceLIF, "float")
+@model_of(ConductanceLIF, "float")
 class PyConductanceLIFFloat(PyLoihiProcessModel):
     """Euler's method in float64, operation by operation as `lava_vpr.engine.conductance.kernels` does it."""
 

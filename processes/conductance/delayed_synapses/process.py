@@ -11,7 +11,6 @@ from lava_vpr.engine.conductance.kernels import NEVER, TRIPLET, Constants, learn
 from lava_vpr.engine.conductance.model import RULES, trace_table
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.processes.base.checked import CheckedProcess
-from lava_vpr.processes.base.cpu_model import cpu_model
 from lava_vpr.processes.base.magma import (
     AbstractProcess,
     InPort,
@@ -21,6 +20,7 @@ from lava_vpr.processes.base.magma import (
     PyLoihiProcessModel,
     PyOutPort,
     Var,
+    model_of,
 )
 from lava_vpr.settings.conductance import ConductanceLearning
 
@@ -82,7 +82,7 @@ class DelayedDense(AbstractProcess):
         self.weights = Var(shape=weights.shape, init=weights)
 
 
-@cpu_model(DelayedDense, "float")
+@model_of(DelayedDense, "float")
 class PyDelayedDenseFloat(PyLoihiProcessModel):
     """A ring of sums, one row for each step that spikes can still arrive in.
 
@@ -214,7 +214,7 @@ class _Arrivals:
         return arrived
 
 
-@cpu_model(ConductancePlastic, "float")
+@model_of(ConductancePlastic, "float")
 class PyConductancePlasticFloat(PyLoihiProcessModel):
     """Weights in float64, changed by the kernels of the host engine."""
 

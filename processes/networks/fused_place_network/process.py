@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from lava_vpr.engine.general.lif import need
 from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork, count_spikes
 from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, check_presentations, whole
-from lava_vpr.processes.base.cpu_model import cpu_model
-from lava_vpr.processes.base.magma import LavaPyType, PyLoihiProcessModel, Var
+from lava_vpr.processes.base.magma import LavaPyType, PyLoihiProcessModel, Var, model_of
 
 
 class FusedPlaceNetwork(CheckedProcess):
@@ -87,7 +86,7 @@ class FusedPlaceNetwork(CheckedProcess):
         count_spikes(self.network, np.zeros((1, self.network.inputs), np.uint16), np.zeros(1, np.uint64))
 
 
-@cpu_model(FusedPlaceNetwork, "fixed")
+@model_of(FusedPlaceNetwork, "fixed")
 class PyFusedPlaceNetworkFixed(PyLoihiProcessModel):
     """Presents a batch of images in each Lava step, in Loihi's integers.
 

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.learning.integer import WeightRule
 from lava_vpr.loihi import TRACE_LIMIT
-from lava_vpr.processes.base.float_rule import FloatRule
 from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
 from lava_vpr.processes.base.shared_memory import shared_array
-from lava_vpr.processes.plastic_dense.process import PlasticDense, PyPlasticDenseFixed
+from lava_vpr.processes.plastic_dense.process import FloatRule, PlasticDense, PyPlasticDenseFixed
 
 
 class RecordingLearningDense(PyLearningDenseModelBitApproximate):
