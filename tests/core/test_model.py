@@ -6,7 +6,9 @@ import dataclasses
 import hashlib
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -87,79 +89,90 @@ def test_what_could_not_be_loaded_is_not_saved(case: str, tmp_path: Path) -> Non
     assert [made.name for made in tmp_path.iterdir()] == ["a.lvpr"]
 
 
-def _rewrite(path: Path, change: str) -> None:
-    """Damage what is inside, with a checksum that fits."""
-    header, arrays = container.load(path, "model")
-    if change == "array missing":
-        del arrays["responses"]
-    elif change == "array shape":
-        arrays["responses"] = arrays["responses"][:, :3]
-    elif change == "settings":
-        header["config"]["network"]["weight_bits"] = 77
-    elif change == "fewer inputs":
-        arrays["network.weights"] = arrays["network.weights"][:100]
-    elif change == "labels":
-        arrays["labels"] = arrays["labels"] + 1
-    elif change == "decay":
-        header["fixed"]["decay"] = -1
-    elif change == "bias":
-        arrays["network.bias"][0] = 4095
-    elif change == "lowest bias":
-        arrays["network.bias"][0] = -(2**31)
-    elif change == "weights":
-        arrays["network.weights"] = np.full_like(arrays["network.weights"], 255)
-    container.save(path, "model", header, arrays)
+def file(make: Callable[[bytes], bytes]) -> Callable[[Path], object]:
+    """Damage the file."""
+    return lambda path: path.write_bytes(make(path.read_bytes()))
 
 
-@pytest.mark.parametrize(
-    ("damage", "message"),
-    [
-        ("missing", r"cannot be read \(No such file or directory\)"),
-        ("folder", r"cannot be read \(Is a directory\)"),
-        ("empty", r"file is empty, not a lava-vpr model"),
-        ("foreign", r"is not a lava-vpr model \(made by another program\?\)"),
-        ("truncated", r"is damaged \(checksum differs\); train it again"),
-        ("flipped", r"is damaged \(checksum differs\)"),
-        ("header only", r"is damaged \(checksum differs\)"),
-        ("not an archive", r"does not hold what it should"),
-        ("newer", r"is a 'lava-vpr model 2' file"),
-        ("checkpoint", r"is a 'lava-vpr checkpoint 1' file, not a 'lava-vpr model 1'"),
-        ("array missing", r"lacks or garbles 'responses'"),
-        ("array shape", r"responses of shape \(8, 3\) instead of \(8, 8\)"),
-        ("settings", r"cannot be used \(network\.weight_bits is 77"),
-        ("fewer inputs", r"garbles network\.weights of shape \(100, 8\) instead of \(1568, 8\)"),
-        ("labels", r"garbles labels with values from 1 to 8, which must be in 0\.\.7"),
-        ("decay", r"decay -1 does not fit 0\.\.4096"),
-        ("weights", r"cannot be used \(weights need 3 bits to hold 255"),
-        ("bias", r"cannot be used \(a bias of 4095 makes its neuron spike without input"),
-        ("lowest bias", r"cannot be used \(biases up to 2147483648 fit no 12 bits"),
-    ],
-)
-def test_damage_is_told_in_one_line(damage: str, message: str, tmp_path: Path) -> None:
-    path = tmp_path / "a.lvpr"
+def inside(change: Callable[[Any, Any], object]) -> Callable[[Path], None]:
+    """Damage what is inside, header or arrays, with a checksum that fits."""
+
+    def damage(path: Path) -> None:
+        header, arrays = container.load(path, "model")
+        change(header, arrays)
+        container.save(path, "model", header, arrays)
+
+    return damage
+
+
+def become_folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+WEIGHTS = "network.weights"
+MAGIC, PAYLOAD = b"lava-vpr model 1\n", b"not a zip"
+DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
+    "missing": (Path.unlink, r"cannot be read \(No such file or directory\)"),
+    "folder": (become_folder, r"cannot be read \(Is a directory\)"),
+    "empty": (file(lambda data: b""), r"file is empty, not a lava-vpr model"),
+    "foreign": (
+        file(lambda data: b"PK\x03\x04 something else"),
+        r"is not a lava-vpr model \(made by another program\?\)",
+    ),
+    "truncated": (file(lambda data: data[:-100]), r"is damaged \(checksum differs\); train it again"),
+    "flipped": (
+        file(lambda data: data[:5000] + bytes([data[5000] ^ 1]) + data[5001:]),
+        r"is damaged \(checksum differs\)",
+    ),
+    "header only": (file(lambda data: MAGIC), r"is damaged \(checksum differs\)"),
+    "not an archive": (
+        file(lambda data: MAGIC + hashlib.sha256(PAYLOAD).hexdigest().encode() + b"\n" + PAYLOAD),
+        r"does not hold what it should",
+    ),
+    "newer": (file(lambda data: data.replace(b"model 1", b"model 2", 1)), r"is a 'lava-vpr model 2' file"),
+    "checkpoint": (
+        file(lambda data: data.replace(b"model 1", b"checkpoint 1", 1)),
+        r"is a 'lava-vpr checkpoint 1' file, not a 'lava-vpr model 1'",
+    ),
+    "array missing": (inside(lambda header, arrays: arrays.pop("responses")), r"lacks or garbles 'responses'"),
+    "array shape": (
+        inside(lambda header, arrays: arrays.update(responses=arrays["responses"][:, :3])),
+        r"responses of shape \(8, 3\) instead of \(8, 8\)",
+    ),
+    "settings": (
+        inside(lambda header, arrays: header["config"]["network"].update(weight_bits=77)),
+        r"cannot be used \(network\.weight_bits is 77",
+    ),
+    "fewer inputs": (
+        inside(lambda header, arrays: arrays.update({WEIGHTS: arrays[WEIGHTS][:100]})),
+        r"garbles network\.weights of shape \(100, 8\) instead of \(1568, 8\)",
+    ),
+    "labels": (
+        inside(lambda header, arrays: arrays.update(labels=arrays["labels"] + 1)),
+        r"garbles labels with values from 1 to 8, which must be in 0\.\.7",
+    ),
+    "decay": (inside(lambda header, arrays: header["fixed"].update(decay=-1)), r"decay -1 does not fit 0\.\.4096"),
+    "weights": (
+        inside(lambda header, arrays: arrays[WEIGHTS].fill(255)),
+        r"cannot be used \(weights need 3 bits to hold 255",
+    ),
+    "bias": (
+        inside(lambda header, arrays: arrays["network.bias"].__setitem__(0, 4095)),
+        r"cannot be used \(a bias of 4095 makes its neuron spike without input",
+    ),
+    "lowest bias": (
+        inside(lambda header, arrays: arrays["network.bias"].__setitem__(0, -(2**31))),
+        r"cannot be used \(biases up to 2147483648 fit no 12 bits",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGES)
+def test_damage_is_told_in_one_line(name: str, tmp_path: Path) -> None:
+    path, (damage, message) = tmp_path / "a.lvpr", DAMAGES[name]
     model.save(small_model(), path)
-    data = path.read_bytes()
-    payload = b"not a zip"
-    magic = b"lava-vpr model 1\n"
-    contents = {
-        "empty": b"",
-        "foreign": b"PK\x03\x04 something else",
-        "truncated": data[:-100],
-        "flipped": data[:5000] + bytes([data[5000] ^ 1]) + data[5001:],
-        "header only": magic,
-        "not an archive": magic + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload,
-        "newer": data.replace(b"model 1", b"model 2", 1),
-        "checkpoint": data.replace(b"model 1", b"checkpoint 1", 1),
-    }
-    if damage in contents:
-        path.write_bytes(contents[damage])
-    elif damage == "missing":
-        path.unlink()
-    elif damage == "folder":
-        path.unlink()
-        path.mkdir()
-    else:
-        _rewrite(path, damage)
+    damage(path)
     with pytest.raises(ModelFileError, match=message) as caught:
         model.load(path)
     assert str(path) in str(caught.value)
