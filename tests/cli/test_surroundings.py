@@ -7,16 +7,36 @@ from __future__ import annotations
 
 import os
 import resource
+import shutil
 import sys
 from pathlib import Path
 
 import pytest
 from support.common import children, surroundings
-from support.common.surroundings import AT_IMPORT, QUERY, done, no_stranger, one_line, stranger
+from support.common.surroundings import AT_IMPORT, QUERY, Ended, done, stranger
 
 FULL = Path("/dev/full")
 LOST = [name for name in os.environ if name.startswith(("HOME", "XDG", "NUMBA", "MPL", "USER", "LOGNAME"))]
 KERNELS = "compiled kernels cannot be kept in "
+
+
+def no_stranger() -> str:
+    """Why commands cannot be run as another user; empty if they can."""
+    if os.getuid() != 0:
+        return "only root can become another user"
+    if shutil.which("setpriv") is None:
+        return "setpriv is missing"
+    alive = children.run(stranger(["true"]), capture_output=True, check=False)
+    return "" if alive.returncode == 0 else "another user's rights cannot be set here"
+
+
+def one_line(ended: Ended, *words: str) -> None:
+    """It failed with one line on stderr that holds all of ``words``."""
+    assert ended.code == 1, ended
+    assert len(ended.lines) == 1, ended.err
+    assert ended.lines[0].startswith("lava-vpr: error: ")
+    assert all(word in ended.lines[0] for word in words), ended.err
+    assert not ended.left
 
 
 def test_closed_streams(here: Path) -> None:

@@ -16,7 +16,6 @@ from support.fuzz.fuzz_networks import (
     KINDS,
     NETWORKS_OF_START,
     block_of,
-    events_of,
     fused_of,
     input_of,
     place_of,
@@ -25,10 +24,34 @@ from support.fuzz.fuzz_networks import (
 from support.literal.integers import as_populations, literal_run
 
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses, simulate
+from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Recording, Synapses, simulate
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
+from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT, STATE_LIMIT
+
+
+def events_of(network: GeneralNetwork, recording: Recording) -> dict[str, bool]:
+    """What happened to the first population in a recorded run: u beyond 24 bits, v beyond its ends, a spike."""
+    population = network.populations[0]
+    constants = population.parameters.constants
+    u, v, drive = (film[0].astype(np.int64) for film in (recording.film_u, recording.film_v, recording.film_drive))
+
+    def decayed(x: NDArray[np.int64], keep: int) -> NDArray[np.int64]:
+        """Of the step before."""
+        before = np.concatenate([np.zeros_like(x[:1]), x[:-1]])
+        if population.reset_interval:
+            before[:: population.reset_interval] = 0
+        return np.sign(before) * (np.abs(before) * keep >> DECAY_BITS)
+
+    current = decayed(u, constants.keep_u) + (drive << INPUT_SHIFT)
+    membrane = decayed(v, constants.keep_v) + u + population.bias
+    return {
+        "exactly 2^23": bool((np.abs(current) == STATE_LIMIT).any()),
+        "wrapped": bool(((current > STATE_LIMIT) | (current <= -STATE_LIMIT)).any()),
+        "saturated": bool((np.abs(membrane) >= STATE_LIMIT).any()),
+        "spiked": bool(recording.spikes[0].any()),
+    }
 
 
 def compare_groups(seed: int, chosen: dict[int, Sequence[int]], *, timeout: float) -> Counter[str]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
-from support.common.bags import KINDS, START, Message, as_file, bag, frames, text_bag
+from numpy.typing import NDArray
+from support.common.bags import KINDS, START, Message, bag, frames, rosbag2, typesys
 from support.common.imagefiles import refused, smooth_picture, watched
 
 from lava_vpr.errors import InputError
@@ -15,6 +17,21 @@ from lava_vpr.images.bags import bag_samples, is_bag, split_topic
 from lava_vpr.traverse import located, open_traverse
 
 PICTURES = [smooth_picture(k) for k in range(6)]
+
+
+def as_file(image: NDArray[np.uint8], second: float = 0.0) -> Message:
+    """A message that holds a PNG file."""
+    return Message(bytes(cv2.imencode(".png", image)[1]), "png", second)
+
+
+def text_bag(path: Path) -> Path:
+    """A bag without images."""
+    types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    name = "std_msgs/msg/String"
+    with rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/said", name, typestore=types)
+        writer.write(connection, START, types.serialize_cdr(types.types[name]("hello"), name))
+    return path
 
 
 @pytest.mark.parametrize("kind", KINDS)

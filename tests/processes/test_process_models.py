@@ -15,7 +15,7 @@ from lava.proc.lif.models import PyLifResetModelBitAcc
 from lava.proc.lif.process import LIFReset
 from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
-from support.lava.model_harness import build, drive, some_spikes
+from support.lava.model_harness import build, drive
 
 from lava_vpr.encoding import draw_trains, rates16
 from lava_vpr.engine.random import image_keys, presentation_keys
@@ -49,6 +49,10 @@ from lava_vpr.processes.synapses.process import (
 )
 
 pytestmark = pytest.mark.lava
+
+
+def some_spikes(rng: np.random.Generator, steps: int, n: int, share: float = 0.3) -> NDArray[np.bool_]:
+    return rng.random((steps, n)) < share
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)

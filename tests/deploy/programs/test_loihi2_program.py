@@ -30,7 +30,6 @@ from support.boards.loihi2_bundles import (
     network,
     program,
     queries,
-    running,
     write_bundle,
 )
 from support.common import children
@@ -47,6 +46,17 @@ WAYS: dict[str, dict[str, Any]] = {
     "bias": {"bias_input": True, "signed": True},
 }
 """How the networks of the bundles differ, by name."""
+
+
+def running(bundle: Path) -> list[str]:
+    """Command lines of processes that run a bundle's program."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            found.append(path.read_text(encoding="utf-8", errors="replace"))
+        except OSError:
+            continue
+    return [line for line in found if str(bundle) in line]
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.boards.plans import random_network, simple_plan, small_plan
+from support.boards.plans import LOAD, NEEDS, random_network, simple_plan
 from support.boards.small_boards import even, network
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
-from lava_vpr.deploy.boards.plan import PopulationPart
+from lava_vpr.deploy.boards.plan import CorePlan, Plan, PopulationPart
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.core_images import (
     CoreImage,
@@ -26,6 +26,28 @@ from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ModelFileError, NetworkLimitError
 from lava_vpr.loihi import LOIHI_1_WEIGHT_BITS
+
+
+def small_plan(**changes: Any) -> Plan:
+    """Three neurons, two inputs: neurons 0 and 1 with the inhibitory one on one core, neuron 2 on another chip."""
+    weights = np.array([[5, 6, 0], [0, 7, 0]], np.int16)
+    network = replace(FixedNetwork(weights, np.zeros(3, np.int32), 3, False, 9, 10, 1, 130, 20), **changes)
+    dense = np.array([True, False])
+    parts = [PopulationPart("exc", 0, 2, 0), PopulationPart("counters", 0, 2, 2), PopulationPart("inh", 0, 1, 4)]
+    if network.bias_input:
+        parts.append(PopulationPart("inputs", 0, 2, 5))
+    return Plan(
+        network,
+        KAPOHO_BAY,
+        (
+            CorePlan(0, 4, tuple(parts), dense, NEEDS, LOAD),
+            CorePlan(1, 0, (PopulationPart("exc", 2, 1, 0), PopulationPart("counters", 2, 1, 1)), dense, NEEDS, LOAD),
+        ),
+        4,
+        5,
+        None,
+        0.0,
+    )
 
 
 def scalars_of(network: FixedNetwork) -> dict[str, int]:

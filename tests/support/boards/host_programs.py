@@ -12,7 +12,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -64,16 +64,6 @@ def load(folder: Path) -> Any:
             sys.modules.pop(name, None)
             if module is not None:
                 sys.modules[name] = module
-
-
-def set_everywhere(modules: Any, **values: Any) -> None:
-    """Set a name in every module that has it, wherever it came from."""
-    for name, value in values.items():
-        known = [module for module in vars(modules).values() if isinstance(module, ModuleType)]
-        owners = [module for module in known if hasattr(module, name)]
-        assert owners, name
-        for module in owners:
-            setattr(module, name, value)
 
 
 def imported(board: str, version: tuple[int, int]) -> set[str]:

@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,16 @@ ASKED = ["rows without indices", "rows with indices, of discrete axons", "weight
 """Kinds of unproven values of registers that bundles may have; the stand-in takes them where a test says so."""
 SEEDS = {"KAPOHOBAY": "1", "PYTHONPATH": str(STANDIN), "PYTHONDONTWRITEBYTECODE": "1"}
 SEEDS |= {"STANDIN": json.dumps({"asked": ASKED})}
+
+
+def set_everywhere(modules: Any, **values: Any) -> None:
+    """Set a name in every module that has it, wherever it came from."""
+    for name, value in values.items():
+        known = [module for module in vars(modules).values() if isinstance(module, ModuleType)]
+        owners = [module for module in known if hasattr(module, name)]
+        assert owners, name
+        for module in owners:
+            setattr(module, name, value)
 
 
 @dataclass(frozen=True)
@@ -87,7 +98,7 @@ def load_program(folder: Path) -> Any:
     """The modules of a program, by name."""
     modules = host_programs.load(folder)
     # In this process no watchdog may bite, and time is counted in looks at a channel, however slow the machine is.
-    host_programs.set_everywhere(modules, PAUSE=0.0, time=Looks(), Watchdog=Unwatched)
+    set_everywhere(modules, PAUSE=0.0, time=Looks(), Watchdog=Unwatched)
     return modules
 
 
@@ -133,12 +144,7 @@ def start(made: Made, *words: object, before: str = "", env: dict[str, str] | No
         "TMPDIR": str(made.path.parent),
     }
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    return children.Child(
-        [*command, *map(str, words)],
-        env=given,
-        text=True,
-        **pipes,
-    )
+    return children.Child([*command, *map(str, words)], env=given, text=True, **pipes)
 
 
 def child(made: Made, *words: object, **given: Any) -> Ended:
@@ -207,12 +213,7 @@ LAYOUTS: dict[str, dict[tuple[int, int], list[Place]]] = {
         (0, 3): [("exc", 4, 1), ("inh", 0, 1), ("inputs", 9, 8)],
         (1, 1): [("exc", 5, 5), ("inputs", 17, 13)],
     },
-    "apart": {
-        (0, 1): [("exc", 0, 6)],
-        (0, 2): [("exc", 6, 4)],
-        (1, 0): [("inh", 0, 1)],
-        (1, 5): [("inputs", 0, 30)],
-    },
+    "apart": {(0, 1): [("exc", 0, 6)], (0, 2): [("exc", 6, 4)], (1, 0): [("inh", 0, 1)], (1, 5): [("inputs", 0, 30)]},
     "leaves": {
         (0, 1): [("exc", 0, 6), ("inh", 2, 2)],
         (0, 2): [("exc", 6, 4), ("inputs", 10, 20)],

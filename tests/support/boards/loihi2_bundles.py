@@ -69,17 +69,6 @@ def program(bundle: Path, *words: object, env: dict[str, str] | None = None) -> 
     return ran.returncode, (ran.stdout + ran.stderr).strip()
 
 
-def running(bundle: Path) -> list[str]:
-    """Command lines of processes that run a bundle's program."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
-            found.append(path.read_text(encoding="utf-8", errors="replace"))
-        except OSError:
-            continue
-    return [line for line in found if str(bundle) in line]
-
-
 def asked(folder: Path, **options: Any) -> Path:
     """The stand-in's options, in a file."""
     path = folder / "standin.json"

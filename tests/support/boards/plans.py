@@ -100,37 +100,10 @@ def random_biases(network: FixedNetwork, rng: np.random.Generator) -> NDArray[np
     return (mantissas * (rng.random(network.neurons) < 0.7) << exponent).astype(np.int32)
 
 
-def small_plan(**changes: Any) -> Plan:
-    """Three neurons, two inputs: neurons 0 and 1 with the inhibitory one on one core, neuron 2 on another chip."""
-    weights = np.array([[5, 6, 0], [0, 7, 0]], np.int16)
-    network = replace(FixedNetwork(weights, np.zeros(3, np.int32), 3, False, 9, 10, 1, 130, 20), **changes)
-    dense = np.array([True, False])
-    parts = [PopulationPart("exc", 0, 2, 0), PopulationPart("counters", 0, 2, 2), PopulationPart("inh", 0, 1, 4)]
-    if network.bias_input:
-        parts.append(PopulationPart("inputs", 0, 2, 5))
-    return Plan(
-        network,
-        KAPOHO_BAY,
-        (
-            CorePlan(0, 4, tuple(parts), dense, NEEDS, LOAD),
-            CorePlan(1, 0, (PopulationPart("exc", 2, 1, 0), PopulationPart("counters", 2, 1, 1)), dense, NEEDS, LOAD),
-        ),
-        4,
-        5,
-        None,
-        0.0,
-    )
-
-
 def chips_of(plan: Plan, images: Any = None, tables: HostTables | None = None, **changes: Any) -> Chips:
     """Chips that hold ``plan``, or other images or tables instead."""
     network = plan.network
-    settings = {
-        "steps": network.steps,
-        "silent_steps": network.silent_steps,
-        "regular": network.regular,
-        "bias_input": network.bias_input,
-    } | changes
+    settings = {name: getattr(network, name) for name in ("steps", "silent_steps", "regular", "bias_input")} | changes
     return Chips.of(images or core_images(plan), tables or host_tables(plan), **settings)
 
 

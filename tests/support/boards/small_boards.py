@@ -179,13 +179,9 @@ def check_images(plan: Plan) -> None:
     """Needs are what the core's registers and memory take."""
     for core, image in zip(plan.cores, core_images(plan), strict=True):
         used = [own for own in image.registers["synapseFmt"] if own is not None]
-        assert core.needs.compartments == len(image.compartments)
-        assert core.needs.axons_in == len(image.axons_in)
-        assert core.needs.axons_out == len(image.axons_out)
-        assert core.needs.synapse_words == len(image.synapses)
-        assert core.needs.profiles == len(image.registers["cxProfileCfg"])
-        assert core.needs.thresholds == len(image.registers["vthProfileCfg"])
-        assert core.needs.formats == len(used)
+        registers = (image.registers["cxProfileCfg"], image.registers["vthProfileCfg"], used)
+        taken = (image.compartments, image.axons_in, image.axons_out, image.synapses, *registers)
+        assert [getattr(core.needs, name) for name in LIMITS] == [len(own) for own in taken]
     host_tables(plan)
 
 

@@ -9,7 +9,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -46,11 +45,6 @@ class Message(NamedTuple):
 def frames(images: Iterable[NDArray[np.uint8]], every: float = 1.0, **said: Any) -> list[Message]:
     """Messages of ``images``, one every so many seconds."""
     return [Message(image, second=k * every, **said) for k, image in enumerate(images)]
-
-
-def as_file(image: NDArray[np.uint8], second: float = 0.0) -> Message:
-    """A message that holds a PNG file."""
-    return Message(bytes(cv2.imencode(".png", image)[1]), "png", second)
 
 
 def bag(path: Path, messages: Iterable[Message], kind: str = "mcap") -> Path:
@@ -91,13 +85,3 @@ def _message(types: Any, one: Message, number: int, *, first: bool) -> tuple[str
     flat = np.zeros((height, step), np.uint8)
     flat[:, : one.data[0].size] = one.data.reshape(height, -1)[:, :step]
     return name, types.types[name](header, height, width, one.encoding, 0, step, flat.reshape(-1))
-
-
-def text_bag(path: Path) -> Path:
-    """A bag without images."""
-    types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    name = "std_msgs/msg/String"
-    with rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
-        connection = writer.add_connection("/said", name, typestore=types)
-        writer.write(connection, START, types.serialize_cdr(types.types[name]("hello"), name))
-    return path

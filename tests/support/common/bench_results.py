@@ -12,17 +12,7 @@ from typing import Any
 import numpy as np
 
 from lava_vpr.bench.energy import AnsweringWay, on_board
-from lava_vpr.bench.results import (
-    Bench,
-    BoardFigures,
-    Measured,
-    Modelled,
-    OnMap,
-    Peer,
-    StepTimes,
-    SweepPoint,
-    Workload,
-)
+from lava_vpr.bench.results import Bench, BoardFigures, Measured, Modelled, OnMap, Peer, StepTimes, SweepPoint, Workload
 from lava_vpr.bench.show.terminal import absences, tables
 from lava_vpr.cli.common import PlainConsole
 from lava_vpr.deploy.boards.constants import Constant

@@ -18,20 +18,10 @@ from support.common import children
 
 _CANDIDATES = ("chromium", "chromium-browser", "google-chrome")
 _OPTIONS = (
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--disable-dev-shm-usage",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--hide-scrollbars",
-    "--enable-logging=stderr",
-    "--v=0",
-    "--virtual-time-budget=3000",
-)
+    "--headless --no-sandbox --disable-gpu --disable-quic --disable-dev-shm-usage --no-first-run --hide-scrollbars "
+    "--disable-background-networking --disable-component-update --disable-sync --enable-logging=stderr --v=0 "
+    "--virtual-time-budget=3000"
+).split()
 # [123:123:1121/142200.123456:INFO:CONSOLE:12] "text", source: file:///page.html (12); older ones CONSOLE(12).
 _CONSOLE = re.compile(r':CONSOLE[:(]\d+\)?\] "(?P<text>.*?)", source: [^\n]*$', re.MULTILINE | re.DOTALL)
 

@@ -9,6 +9,8 @@ import json
 import os
 import sys
 import time
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -51,12 +53,9 @@ class DaskCluster:
         self.processes: list[children.Child] = []
         file = folder / "scheduler.json"
         self.scheduler = self._start("scheduler", "--port", "0", *self._said, "--scheduler-file", str(file))
-        self.address = str(self._read(file)["address"])
+        self.address = str(self._until(lambda: json.loads(file.read_text()))["address"])
         self.workers = [self.add() for _ in range(workers)]
-        end = time.monotonic() + DEADLINE
-        while self.logs().count("Registered to:") < workers:
-            assert time.monotonic() < end, self.logs()
-            time.sleep(0.02)
+        self._until(lambda: self.logs().count("Registered to:") >= workers)
 
     def _start(self, *words: str, program: str | None = None) -> children.Child:
         """``dask`` with these words; ``program`` is Python that comes before."""
@@ -70,16 +69,17 @@ class DaskCluster:
         self.processes.append(process)
         return process
 
-    def _read(self, file: Path) -> dict[str, Any]:
+    def _until(self, found: Callable[[], Any]) -> Any:
+        """What ``found`` gives once it is there, and whole."""
         end = time.monotonic() + DEADLINE
         while time.monotonic() < end:
-            try:
-                found: dict[str, Any] = json.loads(file.read_text())
-                return found
-            except (OSError, ValueError):  # not there, or not whole
-                assert self.scheduler.poll() is None, self.logs()
-                time.sleep(0.02)
-        raise AssertionError(f"the scheduler does not start: {self.logs()}")
+            with suppress(OSError, ValueError):
+                result = found()
+                if result:
+                    return result
+            assert self.scheduler.poll() is None, self.logs()
+            time.sleep(0.02)
+        raise AssertionError(f"the cluster does not start: {self.logs()}")
 
     def add(self, *words: str, program: str | None = None) -> children.Child:
         """Another worker, which a kill ends for good; ``program`` runs in its process before."""

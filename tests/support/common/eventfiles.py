@@ -107,15 +107,17 @@ def dsec(path: Path, events: Made, offset: int = 0) -> Path:
     return path
 
 
+def table_of(events: Made, parts: list[tuple[str, str]]) -> NDArray[Any]:
+    """A structured array of ``parts``: name and type."""
+    return np.rec.fromarrays([getattr(events, name) for name, _ in parts], dtype=parts).view(np.ndarray)
+
+
 def metavision(path: Path, events: Made) -> Path:
     """Write HDF5 with the table CD/events, as Metavision's tools do, packed in no way of their own."""
     import h5py
 
-    table = np.empty(len(events.t), [("x", "<u2"), ("y", "<u2"), ("p", "<i2"), ("t", "<i8")])
-    for name in table.dtype.names or ():
-        table[name] = getattr(events, name)
     with h5py.File(path, "w") as file:
-        file["CD/events"] = table
+        file["CD/events"] = table_of(events, [("x", "<u2"), ("y", "<u2"), ("p", "<i2"), ("t", "<i8")])
     return path
 
 
@@ -130,9 +132,7 @@ def plain(path: Path, events: Made) -> Path:
 
 def tonic(path: Path, events: Made) -> Path:
     """Write an npz with a structured array of tonic's type."""
-    table = np.empty(len(events.t), [("x", "<i2"), ("y", "<i2"), ("t", "<i8"), ("p", "?")])
-    for name in table.dtype.names or ():
-        table[name] = getattr(events, name)
+    table = table_of(events, [("x", "<i2"), ("y", "<i2"), ("t", "<i8"), ("p", "?")])
     np.savez_compressed(path, events=table, size=np.array(events.size))
     return path
 

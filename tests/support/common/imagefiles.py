@@ -57,12 +57,6 @@ def written(path: Path, data: bytes) -> Path:
     return path
 
 
-def exif(orientation: int, order: str = ">") -> bytes:
-    """An EXIF block that holds nothing but an orientation."""
-    magic = {">": b"MM\0*", "<": b"II*\0"}[order]
-    return magic + struct.pack(order + "IHHHIHHI", 8, 1, 0x0112, 3, 1, orientation, 0, 0)
-
-
 def upright(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:
     """The literal EXIF table: where row 0 and column 0 of the stored picture are on the upright one."""
     return {
@@ -87,49 +81,6 @@ def png(width: int, height: int, depth: int, colour: int, rows: bytes, *chunks: 
     header = png_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth, colour, 0, 0, 0))
     body = header + b"".join(chunks) + png_chunk(b"IDAT", zlib.compress(rows)) + png_chunk(b"IEND", b"")
     return b"\x89PNG\r\n\x1a\n" + body
-
-
-def tiff(image: NDArray[np.uint8], orientation: int) -> bytes:
-    """An uncompressed grey TIFF with an orientation tag."""
-    h, w = image.shape
-    tags = [(256, w), (257, h), (258, 8), (259, 1), (262, 1), (273, 134), (274, orientation), (277, 1), (278, h)]
-    tags.append((279, w * h))
-    directory = b"".join(struct.pack("<HHII", tag, 4 if tag in (273, 279) else 3, 1, value) for tag, value in tags)
-    return b"II*\0" + struct.pack("<IH", 8, len(tags)) + directory + b"\0\0\0\0" + image.tobytes()
-
-
-def tiff_of_strip(strip: bytes, shape: tuple[int, int], compression: int = 1) -> bytes:
-    """A colour TIFF of one strip, which stands at its end."""
-    h, w = shape
-    tags = [(256, w), (257, h), (258, 8), (259, compression), (262, 2), (273, 134), (277, 3), (278, h)]
-    tags += [(279, len(strip)), (339, 1)]
-    directory = b"".join(struct.pack("<HHII", tag, 4 if tag in (273, 279) else 3, 1, value) for tag, value in tags)
-    return b"II*\0" + struct.pack("<IH", 8, len(tags)) + directory + b"\0\0\0\0" + strip
-
-
-def lzw(data: bytes) -> bytes:
-    """LZW codes of 9 bits for TIFF, none of them for more than one byte."""
-    codes = [code for k, byte in enumerate(data) for code in ((256, byte) if k % 250 == 0 else (byte,))]
-    bits = "".join(f"{code:09b}" for code in [*codes, 257])
-    return int(bits.ljust(-(-len(bits) // 8) * 8, "0"), 2).to_bytes(-(-len(bits) // 8), "big")
-
-
-def bmp_of_runs(width: int, height: int) -> bytes:
-    """A run-length coded BMP: every row is one run of its own colour."""
-    runs = b"".join(bytes([width, row, 0, 0]) for row in range(height)) + b"\0\1"
-    palette = b"".join(bytes([k, k, k, 0]) for k in range(256))
-    header = struct.pack("<IiiHHIIiiII", 40, width, height, 1, 8, 1, len(runs), 0, 0, 256, 0)
-    start = 14 + len(header) + len(palette)
-    return b"BM" + struct.pack("<IHHI", start + len(runs), 0, 0, start) + header + palette + runs
-
-
-def webp_with_exif(image: NDArray[np.uint8], block: bytes) -> bytes:
-    """A lossless WebP file with an EXIF block."""
-    size = struct.pack("<I", image.shape[1] - 1)[:3] + struct.pack("<I", image.shape[0] - 1)[:3]
-    extended = b"VP8X" + struct.pack("<I", 10) + bytes([8, 0, 0, 0]) + size
-    body = b"WEBP" + extended + image_bytes(".webp", image, cv2.IMWRITE_WEBP_QUALITY, 101)[12:]
-    body += b"EXIF" + struct.pack("<I", len(block)) + block + b"\0" * (len(block) % 2)
-    return b"RIFF" + struct.pack("<I", len(body)) + body
 
 
 def video(

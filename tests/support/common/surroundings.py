@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import resource
-import shutil
 import signal
 import subprocess
 import sys
@@ -68,16 +67,6 @@ def stranger(words: Sequence[str]) -> list[str]:
     """The words of a command for a user without name or home, who may read everything but write nothing of ours."""
     ids = ["--reuid", str(STRANGER), "--regid", str(STRANGER), "--clear-groups"]
     return ["setpriv", *ids, "--inh-caps", READ_ALL, "--ambient-caps", READ_ALL, "--bounding-set", READ_ALL, *words]
-
-
-def no_stranger() -> str:
-    """Why commands cannot be run as another user; empty if they can."""
-    if os.getuid() != 0:
-        return "only root can become another user"
-    if shutil.which("setpriv") is None:
-        return "setpriv is missing"
-    alive = children.run(stranger(["true"]), capture_output=True, check=False)
-    return "" if alive.returncode == 0 else "another user's rights cannot be set here"
 
 
 def _wait_until_it_minds(child: children.Child) -> None:
@@ -155,15 +144,6 @@ def run(
     made = sorted(set(os.listdir(folder)) - before)
     texts = [(text or b"").decode(errors="replace") for text in (printed, said)]
     return Ended(child.returncode, texts[0], texts[1], left, made)
-
-
-def one_line(ended: Ended, *words: str) -> None:
-    """It failed with one line on stderr that holds all of ``words``."""
-    assert ended.code == 1, ended
-    assert len(ended.lines) == 1, ended.err
-    assert ended.lines[0].startswith("lava-vpr: error: ")
-    assert all(word in ended.lines[0] for word in words), ended.err
-    assert not ended.left
 
 
 def done(ended: Ended, *made: str) -> None:

@@ -20,10 +20,10 @@ from support.lava.small_networks import random_bias
 
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.general.lif import LifParameters, SignMode
-from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Recording, Synapses
+from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses
 from lava_vpr.engine.inference.fixed import FixedNetwork, silent_steps
 from lava_vpr.engine.random import presentation_keys
-from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT, STATE_LIMIT, THRESHOLD_LIMIT, WEIGHT_LIMIT
+from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_LIMIT
 
 GROUPS_OF_START, BLOCKS_OF_GROUP = 4, 25
 """Measured: more groups in fewer starts take no less time, fewer in more starts take longer."""
@@ -130,29 +130,6 @@ def block_of(seed: int, group: int, block: int) -> Block:
         weights = rng.choice([0, 128, -256], (inputs, n), p=[0.1, 0.6, 0.3])
         synapses = [replace(synapses[0], weights=weights), replace(synapses[1], weights=np.zeros((n, n), np.int64))]
     return Block(f"general {seed} {group} {block}", GeneralNetwork(inputs, (population,), tuple(synapses)), train)
-
-
-def events_of(network: GeneralNetwork, recording: Recording) -> dict[str, bool]:
-    """What happened to the first population in a recorded run: u beyond 24 bits, v beyond its ends, a spike."""
-    population = network.populations[0]
-    constants = population.parameters.constants
-    u, v, drive = (film[0].astype(np.int64) for film in (recording.film_u, recording.film_v, recording.film_drive))
-
-    def decayed(x: NDArray[np.int64], keep: int) -> NDArray[np.int64]:
-        """Of the step before."""
-        before = np.concatenate([np.zeros_like(x[:1]), x[:-1]])
-        if population.reset_interval:
-            before[:: population.reset_interval] = 0
-        return np.sign(before) * (np.abs(before) * keep >> DECAY_BITS)
-
-    current = decayed(u, constants.keep_u) + (drive << INPUT_SHIFT)
-    membrane = decayed(v, constants.keep_v) + u + population.bias
-    return {
-        "exactly 2^23": bool((np.abs(current) == STATE_LIMIT).any()),
-        "wrapped": bool(((current > STATE_LIMIT) | (current <= -STATE_LIMIT)).any()),
-        "saturated": bool((np.abs(membrane) >= STATE_LIMIT).any()),
-        "spiked": bool(recording.spikes[0].any()),
-    }
 
 
 NETWORKS_OF_START = 4

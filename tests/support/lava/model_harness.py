@@ -50,7 +50,3 @@ def drive(model: Any, given: NDArray[Any] | int, port_in: str = "", port_out: st
         model.run_spk()
         sent.append(getattr(model, port_out).sent if port_out else 0)
     return np.array(sent)
-
-
-def some_spikes(rng: np.random.Generator, steps: int, n: int, share: float = 0.3) -> NDArray[np.bool_]:
-    return rng.random((steps, n)) < share

@@ -35,10 +35,6 @@ SHOWN: dict[str, Any] = {"rates": np.full((2, 5), 9000, np.uint16), "keys": np.a
 PRESENTED: dict[str, Any] = {**SHOWN, "steps": 13, "silent_steps": 3}
 
 
-def _leaves_and_relays() -> AbstractProcess:
-    return PlaceNetwork(network=random_network(3, signed=True, regular=True))
-
-
 def _learning() -> AbstractProcess:
     phase = IntegerLearning(rule=RULE, inhibition=240, neurons=LifParameters(dv=205), steps=13, weight_sum=0)
     state = IntegerState(np.full((5, 3), 20, np.uint8), np.full(3, 480, np.int32))
@@ -61,7 +57,7 @@ MADE: dict[str, Callable[[], AbstractProcess]] = {
     "OneToOne": lambda: OneToOne(shape=(3,), weight=2),
     "PlasticDense": lambda: PlasticDense(weights=np.ones((3, 5), int), rule=RULE, rng_seed=1),
     "PlaceNetwork": lambda: PlaceNetwork(network=random_network(3, signed=True)),
-    "PlaceNetwork, leaves and relays": _leaves_and_relays,
+    "PlaceNetwork, leaves and relays": lambda: PlaceNetwork(network=random_network(3, signed=True, regular=True)),
     "LearningPlaceNetwork": _learning,
     "PoissonEncoder": lambda: PoissonEncoder(**PRESENTED),
     "RegularEncoder": lambda: RegularEncoder(**PRESENTED),
