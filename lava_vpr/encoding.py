@@ -25,8 +25,7 @@ from lava_vpr.errors import InputError
 from lava_vpr.images.sampling import Sample
 from lava_vpr.inputs.encoded import THUMBNAIL, EncodedTraverse, Keep
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
-from lava_vpr.inputs.hog import HOG_VALUES, hog
-from lava_vpr.inputs.patches import PATCH_SIDE, patch_normalised
+from lava_vpr.inputs.patches import HOG_VALUES, PATCH_SIDE, hog, patch_normalised
 from lava_vpr.inputs.vectors import Standard, picture_of
 from lava_vpr.inputs.views import STRAIGHT, View, seen_as
 from lava_vpr.readers import Found

@@ -18,18 +18,15 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.events.files import EVENT_SUFFIXES, is_events, windows_of
-from lava_vpr.events.live import event_samples, is_event_stream
+from lava_vpr.events.files import EVENT_SUFFIXES, event_samples, is_event_stream, is_events, windows_of
 from lava_vpr.images.appearing import appearing
 from lava_vpr.images.bags import BAG_SUFFIXES, bag_files, bag_samples, is_bag, split_topic
-from lava_vpr.images.cameras import camera_samples, is_camera
-from lava_vpr.images.files import IMAGE_SUFFIXES, VIDEO_SUFFIXES, folder_images
+from lava_vpr.images.files import IMAGE_SUFFIXES, LIST_SUFFIXES, VIDEO_SUFFIXES, folder_images, listed_images
 from lava_vpr.images.imagefiles import read_image
-from lava_vpr.images.lists import LIST_SUFFIXES, listed_images
 from lava_vpr.images.sampling import Sample, every_so_often
-from lava_vpr.images.videos import video_samples
+from lava_vpr.images.videos import camera_samples, is_camera, video_samples
 from lava_vpr.inputs.windows import EventsConfig
-from lava_vpr.positions.names import stamps_of_names
+from lava_vpr.positions.stamps import stamps_of_names
 from lava_vpr.rows.registry import Registry
 from lava_vpr.storage.text import printable, shown
 from lava_vpr.vectors.files import VECTOR_SUFFIXES, read_vectors
@@ -260,7 +257,7 @@ def open_source(
     Args:
         source: What a row of `READERS` takes. Stored or watched: a folder, a list, a video, a ROS bag, a recording of
             events, vectors, an image. Only watched: ``-``, paths of images on standard input, one a line; a camera
-            (`lava_vpr.images.cameras`); ``events:346x260``, events on standard input (`lava_vpr.events.live`).
+            (`lava_vpr.images.videos`); ``events:346x260``, events on standard input (`lava_vpr.events.files`).
         every: Seconds between two images of a video, camera, bag or stream of events, at least 0.001.
         topic: Topic of a bag; None: the only one with images, or that of ``bag:/topic``.
         events: How events become images.

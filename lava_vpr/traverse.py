@@ -25,8 +25,7 @@ from lava_vpr.images.imagefiles import read_image
 from lava_vpr.images.sampling import chosen
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.positions.frames import Positions
-from lava_vpr.positions.names import positions_of_names, stamps_of_names
-from lava_vpr.positions.stamps import in_seconds, stamp_of
+from lava_vpr.positions.stamps import in_seconds, positions_of_names, stamp_of, stamps_of_names
 from lava_vpr.positions.tables import read_stamps
 from lava_vpr.positions.track import MOST_GAP_S, PositionRequest, images_on, read_track
 from lava_vpr.readers import EVENTS, Found, found_vectors, open_source

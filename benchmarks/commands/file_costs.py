@@ -179,7 +179,7 @@ def cases() -> dict[str, CostlyFile]:
             "a list of 2,000,000 images",
             "the reader of lists",
             listing,
-            read("images.lists", "listed_images", "long.txt"),
+            read("images.files", "listed_images", "long.txt"),
         ),
         "positions": CostlyFile(
             "2,000,000 positions",

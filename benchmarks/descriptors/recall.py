@@ -2,9 +2,10 @@
 
     LAVA_VPR_DATA=... python -m benchmarks descriptors.recall [--seeds 0,1,2] [--chosen-on] [--record]
 
-OpenCV's HOG of 64 x 64 grey images (1,764 values, `lava_vpr.inputs.hog`) is given as any descriptor would be. For each
-section of 100 places, summer learned and winter asked, and in the mean it prints R@1 in percent of the vectors' cosine
-as they are and standardised, of the cosine of the network's inputs, of the network without learning and as learned.
+OpenCV's HOG of 64 x 64 grey images (1,764 values, `lava_vpr.inputs.patches.hog`) is given as any descriptor would be.
+For each section of 100 places, summer learned and winter asked, and in the mean it prints R@1 in percent of the
+vectors' cosine as they are and standardised, of the cosine of the network's inputs, of the network without learning and
+as learned.
 
 With ``--chosen-on`` it does so on what settings were chosen on, Nordland 0:200 and Gardens Point 0:50 (within two
 places), for every way to encode vectors that was tried.
@@ -25,7 +26,7 @@ from benchmarks.places import PlacesSection, recognised, sections_of
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from lava_vpr.config import Config, StdpLearning, preset
 from lava_vpr.configfile import update
-from lava_vpr.inputs.hog import hog
+from lava_vpr.inputs.patches import hog
 from lava_vpr.recognition import Comparison
 from lava_vpr.training.preparing import settings_for
 from lava_vpr.traverse import open_traverse, vector_traverse

@@ -30,8 +30,7 @@ from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.cost.costs import Modelled, modelled
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.errors import InputError
-from lava_vpr.inputs.hog import hog
-from lava_vpr.inputs.patches import patch_normalised
+from lava_vpr.inputs.patches import hog, patch_normalised
 from lava_vpr.traverse import open_traverse
 
 BEFORE = {"cosine": "encoding", "hog": "descriptors", "sad": "patches"}

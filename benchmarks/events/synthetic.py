@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.places import recognised
 from benchmarks.program import BenchmarkTable, Printed, fraction, program
 from lava_vpr.config import Config, for_events, preset
-from lava_vpr.events.writing import write_events
+from lava_vpr.events.camera import write_events
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.positions.frames import XY, Positions
 from lava_vpr.recognition import Comparison

@@ -13,12 +13,20 @@ from lava_vpr.backends.opening import calibration_of
 from lava_vpr.backends.rivals import chosen, kept_for
 from lava_vpr.bench.request import Request
 from lava_vpr.cli.choose import TruthOptions, truth_options
-from lava_vpr.cli.common import OneSource, RegisteredName, encode_queries, noun, one_bar
+from lava_vpr.cli.common import RegisteredName, encode_queries, noun, one_bar
+from lava_vpr.cli.nouns import (
+    OneSource,
+    Queries,
+    WrittenFiles,
+    asking_options,
+    queries_options,
+    results_options,
+    seed_option,
+)
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
-from lava_vpr.cli.show.command import command_line
-from lava_vpr.cli.show.nouns import Queries, WrittenFiles, asking_options, queries_options, results_options, seed_option
-from lava_vpr.cli.show.results import show_results
+from lava_vpr.cli.show.results import command_line, show_results
 from lava_vpr.cluster.tasks import Pool
+from lava_vpr.datasets.selecting import Selection
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.presentations import cores
@@ -85,8 +93,8 @@ def bench(
 
     model = asked.model(request.asking)
     _refuse(model, asked.model_path, request)
-    traverse = truth.open(model, asked.query, asked.places, asked.every, outputs)
-    located, correct = truth.known(model, traverse)
+    route = Selection((asked.query,), asked.every)
+    traverse, located, correct = truth.open(model, route, asked.places, outputs)
     kept = kept_for(chosen(model, None)) if request.peers else Keep.NOTHING
     queries, *further = encode_queries(traverse, model, request.asking.of(model), kept)
     calibration = calibration_of(model, Pool(cores()))
@@ -122,4 +130,4 @@ def _tell(results: Bench, json_path: Path | None, page: Path | None) -> None:
 
         return page_of(results)
 
-    show_results(tables(results), {json_path: as_json(results)}, page, drawn, absences(results))
+    show_results([*tables(results), *absences(results)], {json_path: as_json(results)}, page, drawn)

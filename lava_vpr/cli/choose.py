@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.cli.common import PATH, Number, noun, stderr
+from lava_vpr.cli.nouns import WhereOptions, query_positions_options
 from lava_vpr.cli.outputs import Outputs
-from lava_vpr.cli.whereabouts import WhereOptions, query_positions_options
 from lava_vpr.datasets.selecting import Selection
 from lava_vpr.errors import InputError
 from lava_vpr.model import Model
@@ -21,63 +21,44 @@ from lava_vpr.truth.alignment import NEAR_M, Located, aligned_truth, by_number, 
 from lava_vpr.truth.groundtruth import read_ground_truth
 
 
-def open_queries(
-    model: Model,
-    source: str,
-    places: tuple[int, int] | None,
-    every: float,
-    *,
-    aligned: bool = True,
-    outputs: Outputs | None = None,
-    where: WhereOptions | None = None,
-    in_step: bool = True,
-) -> Traverse:
-    """The query images to answer.
+def open_queries(model: Model, source: str, places: tuple[int, int] | None, every: float, outputs: Outputs) -> Traverse:
+    """The query images to answer, which show the model's places in their order; arguments as of `_opened`.
+
+    Raises:
+        InputError: the images cannot be used; see `choose_queries`.
+    """
+    return choose_queries(model, _opened(model, source, every, outputs), places, aligned=True)
+
+
+def _opened(model: Model, source: str, every: float, outputs: Outputs) -> Traverse:
+    """All query images.
 
     Args:
         model: The model that answers.
         source: Folder, list, video or image.
-        places: Range of images that the user asked for.
         every: Seconds between two frames of a video, or two windows of events.
-        aligned: No ground truth is given: queries must show the model's places in their order.
         outputs: Of the command; none may be one of the images of ``source``.
-        where: What the user says of where they were taken; where that and the model's own positions are known, queries
-            need not be in order. None: it does not matter.
-        in_step: Whether order may tell which place a query shows. If not, positions must, unless there is a ground
-            truth: the image nearest to each place is its query.
-    Raises:
-        InputError: the images cannot be used; see `choose_queries`.
     """
     whole = open_traverse(source, every=every, events=model.config.events)
-    if outputs is not None:
-        outputs.spare(whole.paths)
-    if where is None:
-        return choose_queries(model, whole, places, aligned=aligned)
-    where.check(model)
-    known = model.positions is not None and where.known(whole)
-    if not in_step and known:
-        from lava_vpr.training.preparing import nearest  # a query needs no scipy
+    outputs.spare(whole.paths)
+    return whole
 
-        found = where.of(whole, len(whole))
-        if model.whereabouts is not None and found.positions is not None:
-            return found.take(nearest(model.whereabouts, found.positions)[0].tolist())
-    if not in_step and aligned:
+
+def asked_places(route: Selection, model: Model, places: tuple[int, int] | None) -> tuple[int, int] | None:
+    """The range of query images that ``route`` and the user ask ``model`` for, in whole traverses; None: the model's.
+
+    Raises:
+        InputError: the model has not learned the section.
+    """
+    if route.opened is None or route.section is None or route.by_position:
+        return places
+    first, end = (place * route.opened.layout.step for place in route.opened.dataset.section(route.section))
+    if not ((model.place_indices >= first) & (model.place_indices < end)).any():
         raise InputError(
-            f"{shown(whole.source)}: nothing tells which place a query shows, since the traverses of this dataset are "
-            "not in step; train with --positions and give --query-positions FILE, or give --gt FILE, or --positions "
-            "REF.csv QUERY.csv --radius M"
+            f"section {route.section} of {route.opened.dataset.title} is images {first}:{end}, of which the model "
+            f"has learned none; train it with --dataset {route.opened.dataset.name} --section {route.section}"
         )
-    return where.of(choose_queries(model, whole, places, aligned=aligned and not known), len(whole))
-
-
-def truth_in_order(model: Model, queries: Traverse, tolerance: int = 0) -> NDArray[np.bool_]:
-    """Query i shows place i, bool (queries, places); what is assumed of the numbers is told on stderr."""
-    if not by_number(model, queries):
-        stderr.print(
-            f"note: images {ranges_of(queries.indices)} are taken, in order, as the places "
-            f"{ranges_of(model.place_indices)}",
-        )
-    return aligned_truth(model, queries, tolerance)
+    return first, end
 
 
 @dataclass(frozen=True)
@@ -135,21 +116,46 @@ class TruthOptions:
         return (*(() if self.gt is None else (self.gt,)), *(self.positions or ()), *self.where.files)
 
     def open(
-        self, model: Model, source: str, places: tuple[int, int] | None, every: float, outputs: Outputs
-    ) -> Traverse:
-        """`open_queries`, with what is known of where they were taken."""
+        self, model: Model, route: Selection, places: tuple[int, int] | None, outputs: Outputs
+    ) -> tuple[Traverse, Located | None, NDArray[np.bool_]]:
+        """The query images to answer, where they and the places were taken (`located`), and which are correct (`of`).
+
+        Args:
+            model: The model that answers.
+            route: Where the query images lie.
+            places: Range of images that the user asked for.
+            outputs: Of the command; none may be one of the query images.
+        Raises:
+            InputError: the images cannot be used, see `choose_queries`; or a file that says what is correct.
+        """
+        places = asked_places(route, model, places)
+        queries = self._queries(model, _opened(model, route.sources[0], route.every, outputs), places)
+        located = self.located(model, queries)
+        return queries, located, self.of(model, queries, located)
+
+    def _queries(self, model: Model, whole: Traverse, places: tuple[int, int] | None) -> Traverse:
+        """The queries among all images; where positions are known, they need not be in order.
+
+        Where order tells nothing and there is no ground truth, the image nearest to each place is its query.
+        """
         if self.tolerance:  # by order, whatever their names tell
-            return open_queries(model, source, places, every, outputs=outputs)
-        return open_queries(
-            model,
-            source,
-            places,
-            every,
-            aligned=self.aligned,
-            outputs=outputs,
-            where=self.where,
-            in_step=self.in_step,
-        )
+            return choose_queries(model, whole, places, aligned=True)
+        self.where.check(model)
+        known = model.positions is not None and (self.where.positions is not None or whole.positions is not None)
+        if not self.in_step and known:
+            from lava_vpr.training.preparing import nearest
+
+            found = self.where.of(whole, len(whole))
+            if model.whereabouts is not None and found.positions is not None:
+                return found.take(nearest(model.whereabouts, found.positions)[0].tolist())
+        if not self.in_step and self.aligned:
+            raise InputError(
+                f"{shown(whole.source)}: nothing tells which place a query shows, since the traverses of this dataset "
+                "are not in step; train with --positions and give --query-positions FILE, or give --gt FILE, or "
+                "--positions REF.csv QUERY.csv --radius M"
+            )
+        chosen = choose_queries(model, whole, places, aligned=self.aligned and not known)
+        return self.where.of(chosen, len(whole))
 
     def located(self, model: Model, queries: Traverse) -> Located | None:
         """Where the model's places and the queries were taken, if both are known.
@@ -163,11 +169,6 @@ class TruthOptions:
         if places is None or queries.positions is None:
             return None
         return Located.of(places, queries.positions, str(self.where.positions or queries.source))
-
-    def known(self, model: Model, queries: Traverse) -> tuple[Located | None, NDArray[np.bool_]]:
-        """Where places and queries were taken (`located`), and which places are correct (`of`)."""
-        located = self.located(model, queries)
-        return located, self.of(model, queries, located)
 
     def of(self, model: Model, queries: Traverse, located: Located | None) -> NDArray[np.bool_]:
         """Which places are correct for which query, bool (queries, places); what is assumed is told on stderr.
@@ -185,7 +186,10 @@ class TruthOptions:
                 "--query-positions FILE"
             )
         else:
-            truth = truth_in_order(model, queries, self.tolerance)
+            if not by_number(model, queries):
+                taken, places = ranges_of(queries.indices), ranges_of(model.place_indices)
+                stderr.print(f"note: images {taken} are taken, in order, as the places {places}")
+            truth = aligned_truth(model, queries, self.tolerance)
         without = int(np.count_nonzero(~truth.any(axis=1)))
         if without:
             stderr.print(f"note: {without} of {len(truth)} queries show none of the places; they count as not recalled")

@@ -35,22 +35,6 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-class Places(click.ParamType):
-    """The option value ``A:B``: images A..B-1 of a naturally sorted sequence."""
-
-    name = "A:B"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
-        if isinstance(value, tuple):
-            return value
-        first, colon, end = str(value).partition(":")
-        if not (colon and all(part.isascii() and part.isdigit() and len(part) <= 18 for part in (first, end))):
-            self.fail(f"{value!r} is not of the form A:B, for instance 0:100", param, ctx)
-        if int(first) >= int(end):
-            self.fail(f"{value!r} holds no place; A must be below B", param, ctx)
-        return int(first), int(end)
-
-
 class Numbers(click.ParamType):
     """Whole numbers, with commas between.
 
@@ -120,32 +104,6 @@ class RegisteredName(click.Choice):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """``value`` if a row has that name, which takes no look at plug-ins for one that is built in."""
         return value if value in self.registry else super().convert(value, param, ctx)
-
-
-class OneSource(click.Command):
-    """A command whose last argument is one folder, list, video or image, and which says so if it is given more."""
-
-    allow_extra_args = True
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        rest = super().parse_args(ctx, args)
-        if rest and not ctx.resilient_parsing:
-            ctx.fail(
-                f"{rest[0]!r} is one argument too many ({len(rest)} are); give the folder instead of the images in it, "
-                "or a list of them"
-            )
-        return rest
-
-
-def places_option(help: str) -> Callable[[F], F]:
-    """Give a command the option ``--places A:B``."""
-    return click.option("--places", type=Places(), default=None, help=help)
-
-
-def every_option(command: F) -> F:
-    """Give a command the option ``--every SECONDS``."""
-    text = "From a video, camera, ROS bag or recording of events, one image every so often."
-    return click.option("--every", type=float, default=1.0, show_default=True, metavar="SECONDS", help=text)(command)
 
 
 def several(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -392,8 +350,10 @@ def encode_in_views(
         return encode_views(traverse, encoder, views, keep, lambda n: advance(n, ""), standard)
 
 
-def print_whole(table: Table) -> None:
-    """Print a table at its own width: on a narrow terminal lines wrap, but no figure is cut."""
+def print_whole(table: Table | str) -> None:
+    """Print a line, or a table at its own width: on a narrow terminal lines wrap, but no figure is cut."""
+    if isinstance(table, str):
+        return console.print(table)
     made = table.terminal()
     width = Measurement.get(console, console.options.update(width=200), made).maximum
     PlainConsole(width=max(console.width, width)).print(made, crop=False)

@@ -16,17 +16,18 @@ from lava_vpr.cli.common import (
     backend_progress,
     console,
     encode_queries,
+    print_whole,
     progress_bar,
     seed_type,
     stage,
 )
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.cli.show.learning import TERMINAL
-from lava_vpr.cli.show.recall import print_table, print_trust
+from lava_vpr.cli.show.recall import recall_table, trust_tables
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.presentations import cores
-from lava_vpr.events.writing import WRITTEN
+from lava_vpr.events.camera import WRITTEN
 from lava_vpr.learning.route import Training
 from lava_vpr.recognition import Comparison, as_json, recognise
 from lava_vpr.report import write_report
@@ -105,7 +106,7 @@ def synth(
 def demo(out: Path) -> None:
     """Draw a synthetic route, learn it in summer, recognise it in winter, write a report."""
     results = out / "model.lvpr", out / "figures.json", out / "report" / "report.html"
-    Outputs(made=results)
+    outputs = Outputs(made=results)
     # What only an earlier demo can have left is replaced; a single one of these files may be someone's own.
     earlier = all(path.is_file() for path in results)
     kept = ("model.lvpr", "figures.json", "report") if earlier else ()
@@ -118,13 +119,13 @@ def demo(out: Path) -> None:
         f"learned them in {time.perf_counter() - started:.1f} s with {model.neurons} neurons and "
         f"{model.weight_bits}-bit weights: {shown(out / 'model.lvpr')}",
     )
-    traverse = open_queries(model, str(out / "query"), None, 1.0)
+    traverse = open_queries(model, str(out / "query"), None, 1.0, outputs)
     queries, *_ = encode_queries(traverse, model, keep=Keep.ALL)
     comparison = Comparison(motion="any", calibration=calibration_of(model))
     with backend_progress("host", len(queries)):
         result = recognise(model, queries, aligned_truth(model, traverse), comparison, pool=Pool(cores()))
-    print_table(model, result)
-    print_trust(result)
+    for table in (recall_table(model, result), *trust_tables(result)):
+        print_whole(table)
     with stage("writing the report"):
         page = write_report(report_data(model, queries, result, "lava-vpr demo", 1, None), out / "report")
     write_json(out / "figures.json", as_json(model, result))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,28 +11,18 @@ import click
 
 from lava_vpr.backends.opening import open_model
 from lava_vpr.cli.choose import open_queries
-from lava_vpr.cli.common import (
-    PATH,
-    Number,
-    console,
-    encode_queries,
-    every_option,
-    noun,
-    one_bar,
-    places_option,
-    progress_bar,
-    stage,
-)
-from lava_vpr.cli.outputs import Outputs, write_json
+from lava_vpr.cli.common import PATH, Number, encode_queries, noun, one_bar, progress_bar, stage
+from lava_vpr.cli.nouns import every_option, json_option, places_option
+from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.boards import (
     check_dense_rows,
     dense_rows_option,
     input_mode_option,
-    print_placed,
+    placed,
     target_option,
     weight_bits_option,
 )
-from lava_vpr.cli.show.nouns import json_option
+from lava_vpr.cli.show.results import show_results
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.bundle.deployment import Deployed, unproven
 from lava_vpr.deploy.bundle.deployment import deploy as write_bundle
@@ -85,7 +74,7 @@ class CalibrationImages:
         """
         if self.calibrate is None:
             return None
-        traverse = open_queries(model, self.calibrate, self.places, self.every, outputs=outputs)
+        traverse = open_queries(model, self.calibrate, self.places, self.every, outputs)
         return encode_queries(traverse, model)[0], aligned_truth(model, traverse)
 
 
@@ -146,16 +135,21 @@ def deploy(
     integer_model(model, board.title, model_path)
     calibration = images.of(model, outputs)
     compressed = _compressed(model, board, changes, calibration, images.max_loss)
-    placed, done = compressed.model, compressed.as_json()
-    with stage(f"placing {placed.neurons:,} neurons, and writing the bundle"):
-        writing = partial(write_bundle, compression=done, measured=not compressed.unchanged, dense_rows=dense_rows)
-        deployed = writing(placed, board, output, learning=learning)
+    with stage(f"placing {compressed.model.neurons:,} neurons, and writing the bundle"):
+        deployed = write_bundle(
+            compressed.model,
+            board,
+            output,
+            compression=compressed.as_json(),
+            measured=not compressed.unchanged,
+            dense_rows=dense_rows,
+            learning=learning,
+        )
     learned = _learned(deployed, model, calibration) if learning and calibration is not None else None
-    if json_path is not None:  # files first: whoever reads the table may go away
-        write_json(json_path, _values(model, compressed, deployed, learned))
-    compared = None if compressed.before is None else _figures(compressed, learned)
-    print_placed(deployed.plan, compressed.notes, unproven(deployed.plan, learning=learning), compared)
-    console.print(f"bundle: {shown(output)}")
+    compared = [] if compressed.before is None else [_figures(compressed, learned)]
+    said = placed(deployed.plan, compressed.notes, unproven(deployed.plan, learning=learning))
+    values = _values(model, compressed, deployed, learned)
+    show_results([*compared, *said, f"bundle: {shown(output)}"], {json_path: values})
 
 
 def _check_learning(board: Board, learning: bool) -> None:

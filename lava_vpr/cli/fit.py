@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from lava_vpr.backends.opening import open_model
-from lava_vpr.cli.common import PATH, Number, console, print_whole, progress_bar, setting_type, stage
-from lava_vpr.cli.outputs import Outputs, write_json, write_text
+from lava_vpr.cli.common import PATH, Number, progress_bar, setting_type, stage
+from lava_vpr.cli.nouns import json_option
+from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.boards import (
     check_dense_rows,
     dense_rows_option,
     input_mode_option,
-    print_placed,
+    placed,
     target_option,
     weight_bits_option,
 )
-from lava_vpr.cli.show.nouns import json_option
+from lava_vpr.cli.show.results import show_results
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS, Board
@@ -104,18 +105,25 @@ def _model(
         compressed = adapted(model, board, changes)
         plan = timed(plan_of(compressed.model, board, dense_rows=dense_rows), compressed.model)
     rows = unproven(plan)
-    if json_path is not None:  # files first: whoever reads the table may go away
-        values = {"places": model.places, "neurons": model.neurons, "weight_bits": compressed.model.weight_bits}
-        fits = True if board.memory.public else None
-        placed = {"mapping": mapping(plan), "unproven": [row.name for row in rows], "modelled": modelled(plan)}
-        write_json(json_path, {"target": board.name, "fits": fits, **values, **placed})
+    said = placed(plan, compressed.notes, rows)
+    files: dict[Path | None, str | dict[str, Any]] = {
+        json_path: {
+            "target": board.name,
+            "fits": True if board.memory.public else None,
+            "places": model.places,
+            "neurons": model.neurons,
+            "weight_bits": compressed.model.weight_bits,
+            "mapping": mapping(plan),
+            "unproven": [row.name for row in rows],
+            "modelled": modelled(plan),
+        }
+    }
     if picture is not None:
         from lava_vpr.deploy.show.drawing import draw  # matplotlib takes a second to import
 
-        write_text(picture, draw(plan).decode())
-    print_placed(plan, compressed.notes, rows)
-    if picture is not None:
-        console.print(f"picture: {shown(picture)}")
+        files[picture] = draw(plan).decode()
+        said.append(f"picture: {shown(picture)}")
+    show_results(said, files)
 
 
 def _largest(
@@ -136,11 +144,10 @@ def _largest(
     find = largest_map.table if weight_bits is None else largest_map.capacities
     with progress_bar("looking for the largest maps", largest_map.searches(config, board, weight_bits)) as advance:
         rows = find(config, board, lambda found: advance(1, found))
-    if json_path is not None:
-        bound = not board.memory.public
-        values = [asdict(row) | {"proven": row.proven, "at_most": bound} for row in rows]
-        write_json(json_path, {"target": board.name, "views": views, "largest": values})
-    print_whole(_capacities(board, rows, views))
+    values = [asdict(row) | {"proven": row.proven, "at_most": not board.memory.public} for row in rows]
+    show_results(
+        [_capacities(board, rows, views)], {json_path: {"target": board.name, "views": views, "largest": values}}
+    )
 
 
 def _capacities(board: Board, rows: tuple[Capacity, ...], views: int) -> Table:

@@ -19,23 +19,18 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.interface import Advance
 from lava_vpr.backends.opening import calibration_of, open_model
-from lava_vpr.cli.common import (
-    PATH,
+from lava_vpr.cli.common import PATH, console, motion_option, noun, precision_option, progress_bar, stage, stderr
+from lava_vpr.cli.nouns import (
     OneSource,
-    console,
+    WhereOptions,
+    answer_options,
+    asking_options,
     every_option,
-    motion_option,
-    noun,
     places_option,
-    precision_option,
-    progress_bar,
-    stage,
-    stderr,
+    query_positions_options,
 )
 from lava_vpr.cli.outputs import Outputs, stdout_writer, text_writer
 from lava_vpr.cli.show.matches import MatchTable, Row, sentences
-from lava_vpr.cli.show.nouns import answer_options, asking_options
-from lava_vpr.cli.whereabouts import WhereOptions, query_positions_options
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError

@@ -8,21 +8,12 @@ from typing import Any
 import click
 import numpy as np
 
-from lava_vpr.cli.common import (
-    PATH,
-    Numbers,
-    RegisteredName,
-    Values,
-    encode_in_views,
-    every_option,
-    places_option,
-    progress_bar,
-)
+from lava_vpr.cli.common import PATH, Numbers, RegisteredName, Values, encode_in_views, progress_bar
+from lava_vpr.cli.nouns import WrittenFiles, every_option, jobs_option, places_option, results_options
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
-from lava_vpr.cli.show.command import command_line
 from lava_vpr.cli.show.learning import TERMINAL
-from lava_vpr.cli.show.results import show_results
+from lava_vpr.cli.show.results import command_line, show_results
 from lava_vpr.config import PRESETS, Config
 from lava_vpr.encoding import Keep
 from lava_vpr.errors import InputError
@@ -69,10 +60,9 @@ from lava_vpr.traverse import open_traverse, open_traverses
     help="Points to measure in place of the study's own: numbers of places, of neurons a place, bits, steps, places of "
     "a module, members.",
 )
-@click.option("--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors).")
+@jobs_option
 @cluster_option
-@click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the figures as JSON.")
-@click.option("--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/study.html.")
+@results_options("study.html")
 @click.pass_context
 def study(
     ctx: click.Context,
@@ -84,8 +74,7 @@ def study(
     values: tuple[float, ...],
     jobs: int | None,
     address: str | None,
-    json_path: Path | None,
-    report_folder: Path | None,
+    results: WrittenFiles,
     **images: Any,
 ) -> None:
     """Say what one thing does to recall and cost: learn and ask the same images again and again, with several seeds.
@@ -96,13 +85,12 @@ def study(
     """
     if len(set(seeds)) < len(seeds):
         raise click.UsageError("--seeds names a seed twice; give each once")
-    page = report_folder and report_folder / "study.html"
-    outputs = Outputs((json_path,), made=(page,), read=(config_file,), images=(*references, query))
+    outputs, page = results.outputs("study.html", read=(config_file,), images=(*references, query))
     config = settings_of(images.pop("preset_name"), config_file, {})
     row, said = STUDIES[name], StudyRequest(*_route(references, query, config, outputs, **images), seeds, values)
     with pool_at(address, jobs) as pool, progress_bar(f"study {name}", len(planned(row, said))) as advance:
         found = run(row, said, pool=pool, command=command_line(ctx), advance=advance)
-    show_results([table(found)], {json_path: as_json(found)}, page, lambda: _page(found))
+    show_results([table(found)], {results.json_path: as_json(found)}, page, lambda: _page(found))
 
 
 def _page(found: Studied) -> str:

@@ -8,24 +8,11 @@ from typing import Any
 import click
 
 from lava_vpr import model as model_file
-from lava_vpr.cli.common import (
-    PATH,
-    F,
-    Number,
-    Numbers,
-    RegisteredName,
-    console,
-    every_option,
-    places_option,
-    seed_type,
-    setting_type,
-    stderr,
-)
+from lava_vpr.cli.common import PATH, F, Number, Numbers, RegisteredName, console, seed_type, setting_type, stderr
+from lava_vpr.cli.nouns import dataset_options, every_option, jobs_option, places_option, reference_positions_options
 from lava_vpr.cli.outputs import Outputs
-from lava_vpr.cli.published.options import dataset_options
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.learning import TERMINAL
-from lava_vpr.cli.whereabouts import reference_positions_options
 from lava_vpr.config import PRESETS, Config, LifNetwork, StdpLearning
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.views import ViewsConfig
@@ -129,13 +116,11 @@ def window_options(command: F) -> F:
     help="Vectors: measure them by the mean, scale and projection of this model, not their own, so that both can be "
     "merged.",
 )
-@click.option(
-    "--jobs", "threads", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors)."
-)
+@jobs_option
 @cluster_option
 @click.option("--seed", type=seed_type, default=None, help="Seed of start weights and spikes.  [default: 0]")
 @click.option("--resume", is_flag=True, help="Go on from the checkpoint of a training that was interrupted.")
-def train(references: tuple[str, ...], output: Path, threads: int | None, address: str | None, **options: Any) -> None:
+def train(references: tuple[str, ...], output: Path, jobs: int | None, address: str | None, **options: Any) -> None:
     """Learn the places of a route.
 
     REFERENCE is a folder of images (naturally sorted), a text or CSV list of image files, or a video; or a file of
@@ -148,7 +133,7 @@ def train(references: tuple[str, ...], output: Path, threads: int | None, addres
     checkpoint = output.with_name(output.name + ".checkpoint")
     training = Training.of(references, checkpoint=checkpoint, **options)
     outputs = Outputs((output, checkpoint), read=training.files, images=training.selection.sources)
-    with only_one(output), pool_at(address, threads) as pool:
+    with only_one(output), pool_at(address, jobs) as pool:
         model, seconds = training.learn(pool, TERMINAL, opened=outputs.spare)
         model_file.save(model, output)
         remove_checkpoint(checkpoint)

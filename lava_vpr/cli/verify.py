@@ -11,9 +11,10 @@ from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.verification import Verdict
 from lava_vpr.backends.verification import verify as verify_spikes
 from lava_vpr.cli.choose import open_queries
-from lava_vpr.cli.common import OneSource, RegisteredName, encode_queries, one_bar, print_reasons, print_whole
-from lava_vpr.cli.outputs import Outputs, write_json
-from lava_vpr.cli.show.nouns import Queries, asking_options, json_option, queries_options, seed_option
+from lava_vpr.cli.common import RegisteredName, encode_queries, one_bar, print_reasons
+from lava_vpr.cli.nouns import OneSource, Queries, asking_options, json_option, queries_options, seed_option
+from lava_vpr.cli.outputs import Outputs
+from lava_vpr.cli.show.results import show_results
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import BackendUnavailableError, InputError
 from lava_vpr.show.numbers import percent
@@ -48,7 +49,7 @@ def verify(
     model = asked.model(asking)
     for name in names:  # asked for by name: not to run it is an error
         backends.require(name, model)
-    traverse = open_queries(model, asked.query, asked.places, asked.every, outputs=outputs)
+    traverse = open_queries(model, asked.query, asked.places, asked.every, outputs)
     # The truth of all queries, then the first of them: fewer queries than places would be refused as not aligned.
     truth = aligned_truth(model, traverse)[:limit]
     compared = traverse.take(range(min(limit, len(traverse))))
@@ -66,9 +67,8 @@ def verify(
             threads=cores(),
             begin=lambda name: show(f"running {name}", len(queries) * asking.views),
         )
-    if json_path is not None:
-        write_json(json_path, {"backends": {verdict.name: verdict.as_json() for verdict in verdicts}})
-    print_whole(_table(verdicts))
+    values = {"backends": {verdict.name: verdict.as_json() for verdict in verdicts}}
+    show_results([_table(verdicts)], {json_path: values})
     _judge(verdicts, named=bool(names))
 
 

@@ -12,23 +12,15 @@ from typing import Any, NoReturn
 import click
 
 from lava_vpr.backends.asking import Asking
-from lava_vpr.cli.common import (
-    PATH,
-    OneSource,
-    every_option,
-    motion_option,
-    precision_option,
-    seed_type,
-    stderr,
-)
+from lava_vpr.cli.common import PATH, motion_option, precision_option, seed_type, stderr
+from lava_vpr.cli.nouns import OneSource, asking_options, every_option
 from lava_vpr.cli.outputs import stdout_writer
-from lava_vpr.cli.show.nouns import asking_options
 from lava_vpr.errors import InputError
 from lava_vpr.localizer import Localizer
 from lava_vpr.readers import open_source
 from lava_vpr.storage.tables import json_line
 from lava_vpr.watch.page import PORT, live_page
-from lava_vpr.watch.recent import Recent
+from lava_vpr.watch.watching import Recent
 from lava_vpr.watch.watching import watch as watch_images
 
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from lava_vpr.errors import InputError, brief
 from lava_vpr.events.stream import BLOCK, EventRecording, Raw, check_size
-from lava_vpr.storage.limits import excess, limit
+from lava_vpr.storage.limits import limit, within
 from lava_vpr.storage.reading import open_regular
 from lava_vpr.storage.text import shown
 
@@ -117,9 +117,7 @@ class _Reader:
             if len(head) < 8:
                 raise _BrokenError("it ends within a packet")
             stream, length = struct.unpack("<iI", head)
-            beyond = excess("event_packet_bytes", length)
-            if beyond is not None:
-                raise InputError(f"{shown(self._path)}: has a packet of {beyond}")
+            within("event_packet_bytes", length, f"{shown(self._path)}: has a packet of")
             if stream != self._stream:
                 self._file.seek(length, 1)
                 continue
@@ -151,9 +149,7 @@ class _Reader:
                 raise _BrokenError(f"a packet cannot be unpacked: {error}") from None
             pieces.append(piece)
             length += len(piece)
-            beyond = excess("event_packet_bytes", length)
-            if beyond is not None:
-                raise InputError(f"{shown(self._path)}: has a packet of {beyond}")
+            within("event_packet_bytes", length, f"{shown(self._path)}: has a packet of")
             if unpacker.eof:
                 return b"".join(pieces)
             given = b""

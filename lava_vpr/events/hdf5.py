@@ -14,9 +14,18 @@ from typing import Any
 import numpy as np
 
 from lava_vpr.errors import InputError, brief
-from lava_vpr.events.parts import Parts, apart, check_lengths, in_blocks, in_tables
-from lava_vpr.events.stream import BLOCK, EventRecording, Raw, check_size
-from lava_vpr.storage.limits import excess
+from lava_vpr.events.stream import (
+    BLOCK,
+    EventRecording,
+    Parts,
+    Raw,
+    apart,
+    check_lengths,
+    check_size,
+    in_blocks,
+    in_tables,
+)
+from lava_vpr.storage.limits import limit, within
 from lava_vpr.storage.text import shown
 
 HDF5_SUFFIXES = (".h5", ".hdf5")
@@ -100,15 +109,11 @@ def _check(dataset: Any, where: str) -> None:
     """Refuse what is stored elsewhere, too much, or in pieces that are too large."""
     if dataset.is_virtual or dataset.external:
         raise InputError(f"{where}: keeps {brief(dataset.name)} in other files; copy the events into one")
-    beyond = excess("events", len(dataset))
-    if beyond is not None:
-        raise InputError(f"{where}: has {beyond}")
-    beyond = excess("event_chunk_bytes", (dataset.chunks or (0,))[0] * dataset.dtype.itemsize)
-    if beyond is not None:
-        raise InputError(f"{where}: stores {brief(dataset.name)} in chunks of {beyond}")
-    beyond = excess("event_chunk_bytes", BLOCK * dataset.dtype.itemsize)
-    if beyond is not None:
-        raise InputError(f"{where}: has rows of {dataset.dtype.itemsize} bytes in {brief(dataset.name)}; {_KEEP_IT}")
+    name, size = brief(dataset.name), dataset.dtype.itemsize
+    within("events", len(dataset), f"{where}: has")
+    within("event_chunk_bytes", (dataset.chunks or (0,))[0] * size, f"{where}: stores {name} in chunks of")
+    if BLOCK * size > limit("event_chunk_bytes"):
+        raise InputError(f"{where}: has rows of {size} bytes in {name}; {_KEEP_IT}")
 
 
 def _size(file: Any, times: Any, where: str) -> tuple[int, int] | None:

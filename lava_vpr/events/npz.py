@@ -17,10 +17,19 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError, brief
-from lava_vpr.events.parts import Parts, apart, check_lengths, in_blocks, in_tables
-from lava_vpr.events.stream import BLOCK, EventRecording, Raw, check_size
+from lava_vpr.events.stream import (
+    BLOCK,
+    EventRecording,
+    Parts,
+    Raw,
+    apart,
+    check_lengths,
+    check_size,
+    in_blocks,
+    in_tables,
+)
 from lava_vpr.storage.archives import ARCHIVE_ERRORS, entries_of
-from lava_vpr.storage.limits import excess
+from lava_vpr.storage.limits import within
 from lava_vpr.storage.reading import open_regular
 from lava_vpr.storage.text import shown
 
@@ -57,9 +66,7 @@ def open_npz(path: Path) -> EventRecording:
             raise InputError(f"{shown(path)}: holds no events (but {held}); {_KEEP_IT}")
         check_lengths([member.length for member, _ in parts], shown(path))
         for number, name in ((parts[0][0].length, "events"), (BLOCK * parts[0][0].dtype.itemsize, "event_chunk_bytes")):
-            beyond = excess(name, number)
-            if beyond is not None:
-                raise InputError(f"{shown(path)}: has {beyond}")
+            within(name, number, f"{shown(path)}: has")
         size = _size(archive, members, shown(path))
     return EventRecording(path, lambda: _blocks(path), size)
 

@@ -1,4 +1,6 @@
-"""Events as every reader gives them, and what is checked of them whatever they were read from."""
+"""Events as every reader gives them, what is checked of them whatever they were read from, and where files keep
+their parts: a table of all, or an array for each, by the names that files use.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.storage.limits import excess, limit
+from lava_vpr.storage.limits import within
 from lava_vpr.storage.text import shown
 
 BLOCK = 1 << 18
@@ -79,9 +81,7 @@ def check_size(size: tuple[int, int], where: str) -> tuple[int, int]:
     width, height = size
     if not 1 <= min(size) <= max(size) <= 1 << 16:
         raise InputError(f"{where}: has a sensor of {width} x {height} pixels; correct it")
-    beyond = excess("sensor_pixels", width * height)
-    if beyond is not None:
-        raise InputError(f"{where}: has a sensor of {width} x {height}, {beyond}")
+    within("sensor_pixels", width * height, f"{where}: has a sensor of {width} x {height},")
     return size
 
 
@@ -97,11 +97,9 @@ def checked(raw: Iterable[Raw], where: str, size: tuple[int, int] | None) -> Ite
     """
     width, height = (1 << 16, 1 << 16) if size is None else size
     total, last = 0, -_MOST_US
-    most = limit("events")
     for t, x, y in raw:
         total += len(t)
-        if total > most:
-            raise InputError(f"{where}: has {excess('events', total)}")
+        within("events", total, f"{where}: has")
         times = _whole(t, where, "time", total - len(t), 1e6 if t.dtype.kind == "f" else 1)
         columns, rows = (_whole(values, where, name, total - len(t), 1) for values, name in ((x, "column"), (y, "row")))
         if not len(times):
@@ -137,3 +135,47 @@ def _whole(values: NDArray[Any], where: str, name: str, first: int, factor: floa
         k = int(bad.argmax())
         raise InputError(f"{where}: event {first + k} has the {name} {values[k]}; write whole numbers, or remove it")
     return np.rint(numbers).astype(np.int64) if values.dtype.kind == "f" else values.astype(np.int64)
+
+
+NAMES: dict[str, tuple[str, ...]] = {
+    "t": ("t", "ts", "timestamp", "timestamps", "time"),
+    "x": ("x", "xs"),
+    "y": ("y", "ys"),
+}
+"""What files call the parts of an event."""
+
+Parts = list[tuple[Any, str]]
+"""The array of times, of columns and of rows, and the field of each in it; "": all of it. Arrays have a ``dtype``."""
+
+
+def in_tables(tables: Iterable[Any]) -> Parts | None:
+    """The parts in the first of these one-dimensional arrays that has them all as numbers; None: none has."""
+    for table in tables:
+        names = table.dtype.names or ()
+        fields = [next((name for name in known if name in names), "") for known in NAMES.values()]
+        good = all(name and table.dtype[name].kind in "iuf" and table.dtype[name].shape == () for name in fields)
+        if good and not table.dtype.hasobject:
+            return [(table, name) for name in fields]
+    return None
+
+
+def apart(named: Callable[[str], Any]) -> Parts | None:
+    """The parts as arrays of numbers of their own, by what ``named`` gives of a name, or None; None: some lack."""
+    arrays = [next((one for name in known if (one := named(name)) is not None), None) for known in NAMES.values()]
+    good = all(one is not None and one.dtype.kind in "iuf" for one in arrays)
+    return [(one, "") for one in arrays] if good else None
+
+
+def check_lengths(lengths: list[int], where: str) -> None:
+    """Refuse parts of different ``lengths``; ``where`` is what the message begins with."""
+    if len(set(lengths)) > 1:
+        raise InputError(f"{where}: has {lengths[0]} times, {lengths[1]} columns, {lengths[2]} rows")
+
+
+def in_blocks(parts: Parts, length: int, take: Callable[[Any, int, int], Any]) -> Iterator[Raw]:
+    """The events, some at a time; ``take`` gives so many elements of an array, from the one with this number on."""
+    arrays = {id(array): array for array, _ in parts}
+    for first in range(0, length, BLOCK):
+        count = min(BLOCK, length - first)
+        read = {key: take(array, first, count) for key, array in arrays.items()}
+        yield Raw(*(read[id(array)][field] if field else read[id(array)] for array, field in parts))

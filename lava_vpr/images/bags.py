@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lava_vpr.errors import InputError
 from lava_vpr.images.imagefiles import MIN_SIDE, decode_image
 from lava_vpr.images.sampling import Sample
-from lava_vpr.storage.limits import excess
+from lava_vpr.storage.limits import within
 from lava_vpr.storage.text import shown
 
 BAG_SUFFIXES = (".bag", ".db3", ".mcap")
@@ -179,9 +179,7 @@ def _unpacked(message: Any) -> NDArray[np.uint8]:
         )
     size, order = known
     height, width, step = int(message.height), int(message.width), int(message.step)
-    beyond = excess("image_pixels", width * height)
-    if beyond is not None:
-        raise InputError(f"has {beyond}")
+    within("image_pixels", width * height)
     if min(width, height) < MIN_SIDE:
         raise InputError(f"has {width} x {height} pixels, needs at least {MIN_SIDE} x {MIN_SIDE}")
     if step < width * size or len(message.data) < height * step:

@@ -19,10 +19,9 @@ from __future__ import annotations
 import struct
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.damage import DamagedError
 from lava_vpr.images.matroska import walk_matroska
 from lava_vpr.images.mp4 import BOXES_FIRST, walk_mp4
-from lava_vpr.images.windows import Film, Window
+from lava_vpr.images.windows import DamagedError, Film, Window
 
 _KNOWN = "AVI, MP4, QuickTime, Matroska, WebM or MPEG program stream"
 _AVI_UNKNOWN = (0, 0xFFFFFFFF)  # lengths that a writer leaves which cannot go back to them

@@ -1,4 +1,7 @@
-"""Files that users name: their types, and image folders in natural order; each refusal is one clear line."""
+"""Files that users name: their types, folders of images in natural order, and lists of images, as text or CSV.
+
+Each refusal is one clear line.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,8 @@ import re
 from pathlib import Path
 from typing import NoReturn
 
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, brief
+from lava_vpr.storage.tables import csv_rows, text_lines
 from lava_vpr.storage.text import shown
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
@@ -60,3 +64,60 @@ def folder_images(folder: Path) -> list[str]:
             hint = "give one of its subfolders, such as " + shown(min(subfolders, key=natural_key))
         raise InputError(f"{shown(folder)}: holds no images ({' '.join(s[1:] for s in IMAGE_SUFFIXES)}); {hint}")
     return [str(folder / name) for name in sorted(names, key=natural_key)]
+
+
+LIST_SUFFIXES = (".txt", ".lst", ".csv")
+PATH_COLUMNS = ("image", "file", "filename", "path", "name")
+_LONGEST_NAME = 255
+"""Bytes of a file's name (NAME_MAX in linux/limits.h)."""
+_BLANK = " \t"  # str.strip takes other characters, too, with which a file name may begin or end
+
+
+def listed_images(path: Path) -> list[str]:
+    """The files that a text or CSV list names, in its order; paths relative to the list's folder.
+
+    The first row of a CSV list is a header if one of its cells is in `PATH_COLUMNS` (in any letter case); the first of
+    these names tells the column. Otherwise all rows are images, and their first cells are the paths.
+
+    Raises:
+        InputError: the list cannot be read, names no image, or names one that is no regular file.
+    """
+    entries, hint = _csv_entries(path) if path.suffix.lower() == ".csv" else (_text_entries(path), "")
+    files = []
+    for number, entry in entries:
+        where = f"{shown(path)} line {number}: "
+        if not entry or "\0" in entry:
+            raise InputError(f"{where}names no file; complete or remove the line")
+        if max(len(os.fsencode(name)) for name in entry.split("/")) > _LONGEST_NAME:
+            raise InputError(f"{where}{brief(entry)} has a name longer than {_LONGEST_NAME} bytes; correct the line")
+        file = path.parent / entry
+        if not os.path.isfile(file):
+            refuse_file(file, where, hint if number == entries[0][0] else "")
+        files.append(str(file))
+    if not files:
+        raise InputError(f"{shown(path)}: names no images; write one path a line")
+    return files
+
+
+def _text_entries(path: Path) -> list[tuple[int, str]]:
+    """Line number and path of each line that is neither blank nor a comment."""
+    lines = ((number, line.strip(_BLANK)) for number, line in enumerate(text_lines(path), start=1))
+    return [(number, line) for number, line in lines if line and not line.startswith("#")]
+
+
+def _csv_entries(path: Path) -> tuple[list[tuple[int, str]], str]:
+    """Line number and path of each row below the header, and what to say if the first names no file."""
+    rows = csv_rows(path)
+    header = [cell.lower() for cell in rows[0][1]] if rows else []
+    column = next((name for name in PATH_COLUMNS if name in header), None)
+    if column is None:
+        return [(line, cells[0]) for line, cells in rows], f", or name its column {PATH_COLUMNS[0]!r} if it is a header"
+    line = rows[0][0]
+    if header.count(column) > 1:
+        raise InputError(
+            f"{shown(path)} line {line}: has {header.count(column)} columns {column!r}; rename all but one"
+        )
+    if os.path.isfile(path.parent / rows[0][1][header.index(column)]):
+        cause = f"{column!r} may be a header or the file of that name"
+        raise InputError(f"{shown(path)} line {line}: {cause}; add a header, or write ./{column}")
+    return [(line, cells[header.index(column)]) for line, cells in rows[1:]], ""

@@ -1,6 +1,7 @@
 """Image files as uint8 arrays; damage is one clear error.
 
-OpenCV decodes. Around it: a walk over the file's own structure, the EXIF orientation, and silence.
+OpenCV decodes. Around it: a walk over the file's own structure, the EXIF orientation, and silence: what codecs print
+on standard error is caught, so that the user sees our line alone.
 
 Formats: JPEG, PNG, BMP, TIFF, WebP, recognised by content and not by name; of several pages or animation frames the
 first. Transparency is dropped: the colours below it are used as they are stored, as OpenCV's own colour reading does.
@@ -9,21 +10,68 @@ first. Transparency is dropped: the colours below it are used as they are stored
 
 from __future__ import annotations
 
+import contextlib
+import io
+import os
 import re
 import struct
+import tempfile
+import threading
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.codecs import quiet
-from lava_vpr.images.damage import DamagedError
 from lava_vpr.images.formats import orientation_of, walk
+from lava_vpr.images.windows import DamagedError
 from lava_vpr.storage.reading import read_bytes
 from lava_vpr.storage.text import shown
+
+_lock = threading.Lock()
+# What libpng, libjpeg and ffmpeg print; anything else that was caught belongs to another thread and is passed on.
+_CODEC_LINE = re.compile(
+    rb"libpng |Corrupt JPEG|Premature end|Inconsistent progression|Invalid SOS|Unknown Adobe|Warning: unknown JFIF"
+    rb"|Unsupported marker|TIFF|\[\w[^]]* @ 0x|OpenCV"
+)
+
+
+def _memory_file() -> io.FileIO | IO[bytes]:
+    """An empty file without a name; in memory where the system can, since one is made for every image."""
+    if hasattr(os, "memfd_create"):
+        return io.FileIO(os.memfd_create("codec messages"), "r+")
+    return tempfile.TemporaryFile(buffering=0)
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[list[bytes]]:
+    """Catch what native code prints on standard error; the list is filled with its codec messages at the end."""
+    messages: list[bytes] = []
+    with _lock, _memory_file() as caught:
+        level = cv2.getLogLevel()
+        try:
+            saved = os.dup(2)
+        except OSError:  # standard error is closed: nothing to keep quiet
+            yield messages
+            return
+        cv2.setLogLevel(0)
+        os.dup2(caught.fileno(), 2)
+        try:
+            yield messages
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+            cv2.setLogLevel(level)
+            caught.seek(0)
+            lines = (caught.read() or b"").splitlines(keepends=True)
+            messages.extend(line for line in lines if _CODEC_LINE.match(line))
+            for line in lines:
+                if not _CODEC_LINE.match(line):
+                    os.write(2, line)
+
 
 MIN_SIDE = 2  # an edge needs two pixels
 

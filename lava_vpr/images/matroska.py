@@ -6,8 +6,7 @@ import struct
 from collections.abc import Iterator
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.damage import DamagedError
-from lava_vpr.images.windows import Film, Window
+from lava_vpr.images.windows import DamagedError, Film, Window
 
 _DOCTYPE, _SEGMENT, _INFO, _TRACKS, _CLUSTER = 0x4282, 0x18538067, 0x1549A966, 0x1654AE6B, 0x1F43B675
 _SCALE, _DURATION, _TIMESTAMP, _SIMPLE_BLOCK, _GROUP, _BLOCK = 0x2AD7B1, 0x4489, 0xE7, 0xA3, 0xA0, 0xA1

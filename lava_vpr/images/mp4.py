@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.damage import DamagedError, within
-from lava_vpr.images.windows import Film, Window
+from lava_vpr.images.windows import DamagedError, Film, Window
+from lava_vpr.storage.limits import within
 
 BOXES_FIRST = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
 """Types of the box with which a file may begin."""

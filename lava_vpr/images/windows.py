@@ -7,7 +7,11 @@ import struct
 from dataclasses import dataclass
 from typing import Any
 
-from lava_vpr.images.damage import DamagedError, within
+from lava_vpr.storage.limits import within
+
+
+class DamagedError(Exception):
+    """The file's structure is incomplete; the text says how."""
 
 
 @dataclass(frozen=True)

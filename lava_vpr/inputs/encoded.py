@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
-from lava_vpr.inputs.hog import HOG_VALUES
-from lava_vpr.inputs.patches import PATCH_SIDE
+from lava_vpr.inputs.patches import HOG_VALUES, PATCH_SIDE
 
 THUMBNAIL = (64, 48)
 """Width and height in pixels of the small colour images kept for reports."""

@@ -1,7 +1,12 @@
-"""Patch normalisation: what the paper's network sees of an image, and what the baseline SAD compares.
+"""Patch normalisation: what the paper's network sees of an image, what the baseline SAD compares; and HOG, histograms
+of oriented gradients, the classical descriptor that the baseline ``hog`` compares.
 
 The normalisation follows the released code of Hussaini et al. 2022 (VPRSNN): bilinear resize of the colour image,
 then grey, then a 7x7 sliding-window z-score.
+
+Source of HOG: Dalal and Triggs, CVPR 2005 (doi 10.1109/CVPR.2005.177), as OpenCV computes it with the settings that it
+comes with: 9 directions, cells of 8 x 8 pixels, blocks of 2 x 2 cells a cell apart, no gamma correction. Nothing
+is tuned.
 """
 
 from __future__ import annotations
@@ -53,3 +58,21 @@ def on_off(patches: NDArray[np.uint8]) -> NDArray[np.float32]:
     """ON and OFF channels of patch-normalised images (n, 28, 28): shape (n, 1568), in 0..127.5, ON first."""
     signed = patches.reshape(len(patches), -1).astype(np.float32) - np.float32(127.5)
     return np.concatenate([np.maximum(signed, 0), np.maximum(-signed, 0)], axis=1)
+
+
+HOG_SIDE = 64
+"""Side in pixels of the square grey image that is described; VPRSNN, VPRTempo and ours see 28, 56 and 64."""
+HOG_VALUES = 1764
+"""Values of a descriptor: 7 x 7 blocks of 4 cells with 9 directions."""
+
+_HOG = cv2.HOGDescriptor((HOG_SIDE, HOG_SIDE), (16, 16), (8, 8), (8, 8), 9)
+
+
+def hog(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The descriptor of an ``image`` (h, w) or (h, w, 3) BGR, uint8 (1764,).
+
+    The image is resized as the paper's input is (bilinear, then grey). Values, which OpenCV gives in 0..1, are rounded
+    to 1/255, so that a model file keeps a byte of each and cosines are the same bits on every machine.
+    """
+    values = np.asarray(_HOG.compute(grey(image, HOG_SIDE, cv2.INTER_LINEAR))).ravel()
+    return np.rint(np.float32(255) * values).astype(np.uint8)

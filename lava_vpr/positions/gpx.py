@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lava_vpr.errors import InputError, brief
 from lava_vpr.positions.frames import LAT_LON, Positions, fits
 from lava_vpr.positions.tables import Track
-from lava_vpr.storage.limits import excess
+from lava_vpr.storage.limits import within
 from lava_vpr.storage.tables import file_text
 from lava_vpr.storage.text import shown
 
@@ -44,9 +44,7 @@ def read_gpx(path: Path) -> Track:
         raise InputError(
             f"{shown(path)}: is no GPX (it declares {text.count('xmlns')} namespaces); export the track again"
         )
-    beyond = excess("points", sum(1 for _ in _LATITUDE.finditer(text)))
-    if beyond is not None:
-        raise InputError(f"{shown(path)}: has {beyond}")
+    within("points", sum(1 for _ in _LATITUDE.finditer(text)), f"{shown(path)}: has")
     try:
         _check_depth(text)
         gpx = gpxpy.parse(text)

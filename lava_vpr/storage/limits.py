@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
-from lava_vpr.errors import ConfigError
+from lava_vpr.errors import ConfigError, InputError
 
 MIB, GIB = 1 << 20, 1 << 30
 _UNSUSPICIOUS = 64 * MIB
@@ -127,6 +127,18 @@ def excess(name: str, amount: int) -> str | None:
     if amount <= most:
         return None
     return f"{amount:,} {LIMITS[name].unit}, more than the {most:,} allowed; if the file is sound, set {variable(name)}"
+
+
+def within(name: str, amount: int, said: str = "has") -> None:
+    """Refuse an ``amount`` beyond the limit ``name``, after ``said``: of what, and that it has it.
+
+    Raises:
+        InputError: it is beyond.
+        ConfigError: as `excess`.
+    """
+    beyond = excess(name, amount)
+    if beyond is not None:
+        raise InputError(f"{said} {beyond}")
 
 
 def unpacking(name: str, unpacked: int, packed: int) -> str | None:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from lava_vpr.errors import InputError
-from lava_vpr.storage.limits import excess
+from lava_vpr.storage.limits import within
 from lava_vpr.storage.reading import read_bytes
 from lava_vpr.storage.text import shown
 
@@ -31,9 +31,7 @@ def file_text(path: Path) -> str:
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
         raise InputError(f"{shown(path)} line {line}: is not UTF-8 text; save the file as UTF-8") from None
-    beyond = excess("rows", text.count("\n") + text.count("\r"))
-    if beyond is not None:
-        raise InputError(f"{shown(path)}: has {beyond}")
+    within("rows", text.count("\n") + text.count("\r"), f"{shown(path)}: has")
     return text
 
 

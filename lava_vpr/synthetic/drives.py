@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.events.camera import EventCamera, Sensor, Sent
-from lava_vpr.events.writing import WRITTEN, write_events
+from lava_vpr.events.camera import WRITTEN, EventCamera, Sensor, Sent, write_events
 from lava_vpr.positions.stamps import shown_stamp
 from lava_vpr.synthetic.drawing import Camera
 from lava_vpr.synthetic.scene import DRIVE, generator
@@ -97,7 +96,7 @@ def write_drives(
     Args:
         folder, keep: As in `lava_vpr.synthetic.world.replace_folder`.
         drives: The two.
-        end: End of the files' names, one of `lava_vpr.events.writing.WRITTEN`.
+        end: End of the files' names, one of `lava_vpr.events.camera.WRITTEN`.
         advance: Told after each picture.
     Returns:
         The number of events of each.

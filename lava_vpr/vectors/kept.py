@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
-from lava_vpr.inputs.hog import HOG_VALUES
+from lava_vpr.inputs.patches import HOG_VALUES
 from lava_vpr.inputs.vectors import LARGEST_VALUE, Standard, width_for
 from lava_vpr.storage.arrays import ArrayRule, UnfitError
 

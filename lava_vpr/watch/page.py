@@ -18,7 +18,7 @@ from lava_vpr.model import Model
 from lava_vpr.show.page import document
 from lava_vpr.show.templates import render, text
 from lava_vpr.show.text import safe
-from lava_vpr.watch.recent import HISTORY, Recent
+from lava_vpr.watch.watching import HISTORY, Recent
 
 LOOPBACK = "127.0.0.1"
 PORT = 8765

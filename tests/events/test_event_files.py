@@ -32,10 +32,9 @@ from support.common.eventfiles import (
 )
 
 from lava_vpr.errors import InputError
-from lava_vpr.events.camera import Sent
+from lava_vpr.events.camera import WRITTEN, Sent, write_events
 from lava_vpr.events.files import is_events, open_events, windows_of
 from lava_vpr.events.stream import BLOCK
-from lava_vpr.events.writing import WRITTEN, write_events
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.traverse import open_traverse
 

@@ -10,7 +10,7 @@ import pytest
 from support.common.eventfiles import EVENT, Made, made
 from support.common.imagefiles import refused
 
-from lava_vpr.events.live import event_samples, is_event_stream
+from lava_vpr.events.files import event_samples, is_event_stream
 from lava_vpr.events.stream import Events
 from lava_vpr.events.windows import Windows
 from lava_vpr.inputs.windows import EventsConfig

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from support.common.imagefiles import QUICK, image_bytes, png, png_chunk, refused, smooth_picture, upright, written
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.codecs import quiet
-from lava_vpr.images.damage import DamagedError
 from lava_vpr.images.formats import orientation_of, walk
-from lava_vpr.images.imagefiles import decode_image, read_image
+from lava_vpr.images.imagefiles import decode_image, quiet, read_image
+from lava_vpr.images.windows import DamagedError
 from lava_vpr.positions.track import read_track
 from lava_vpr.traverse import open_traverse
 

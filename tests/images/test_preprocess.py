@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from lava_vpr.inputs.hog import hog
 from lava_vpr.inputs.orientation import edge_energy, orientation_channels
-from lava_vpr.inputs.patches import on_off, patch_normalised, window_z_score
+from lava_vpr.inputs.patches import hog, on_off, patch_normalised, window_z_score
 
 
 def picture(seed: int, height: int = 32, width: int = 64, colour: bool = True) -> NDArray[np.uint8]:

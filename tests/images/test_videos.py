@@ -14,8 +14,7 @@ from support.common.imagefiles import refused, video, written
 from lava_vpr.errors import InputError
 from lava_vpr.images import videos
 from lava_vpr.images.containers import examine
-from lava_vpr.images.damage import DamagedError
-from lava_vpr.images.windows import Film
+from lava_vpr.images.windows import DamagedError, Film
 from lava_vpr.traverse import open_traverse
 
 KINDS = {

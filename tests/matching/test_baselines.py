@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.inputs.hog import hog
-from lava_vpr.inputs.patches import patch_normalised
+from lava_vpr.inputs.patches import hog, patch_normalised
 from lava_vpr.matching import baselines
 from lava_vpr.matching.baselines import cosine_similarities, descriptor_similarities, load_descriptors, sad_distances
 from lava_vpr.matching.decoders import confidence

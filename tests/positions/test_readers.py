@@ -13,8 +13,7 @@ from support.common.imagefiles import refused, written
 from lava_vpr.errors import InputError
 from lava_vpr.positions.frames import LAT_LON, XY, Positions
 from lava_vpr.positions.gpx import gpx_text, read_gpx
-from lava_vpr.positions.names import positions_of_names, stamps_of_names
-from lava_vpr.positions.stamps import stamp_of
+from lava_vpr.positions.stamps import positions_of_names, stamp_of, stamps_of_names
 from lava_vpr.positions.tables import read_stamps, read_table
 from lava_vpr.positions.track import read_track
 from lava_vpr.storage.limits import variable

@@ -18,8 +18,7 @@ from lava_vpr.errors import InputError
 from lava_vpr.positions.frames import LAT_LON, XY
 from lava_vpr.traverse import open_traverse
 from lava_vpr.vectors import source
-from lava_vpr.vectors.archives import read_npz
-from lava_vpr.vectors.files import read_vectors
+from lava_vpr.vectors.files import read_npz, read_vectors
 
 N, VALUES = 6, 5
 

@@ -26,8 +26,7 @@ from lava_vpr.images.imagefiles import read_image
 from lava_vpr.model import Model
 from lava_vpr.readers import Frame
 from lava_vpr.watch.page import live_page, page
-from lava_vpr.watch.recent import HISTORY, Recent, raster
-from lava_vpr.watch.watching import Watched, watch
+from lava_vpr.watch.watching import HISTORY, Recent, Watched, raster, watch
 
 NASTY = "</script><b>&\"'\u2028.png"
 

@@ -14,8 +14,8 @@ import pytest
 from support.common.imagefiles import refused, video, watched, write_images
 
 from lava_vpr.errors import InputError
-from lava_vpr.images import cameras
-from lava_vpr.images.cameras import is_camera
+from lava_vpr.images import videos
+from lava_vpr.images.videos import is_camera
 from lava_vpr.readers import Frame
 from lava_vpr.traverse import open_traverse
 
@@ -97,9 +97,9 @@ class Camera:
 def plugged(monkeypatch: pytest.MonkeyPatch) -> Camera:
     """A camera is there."""
     made = Camera()
-    monkeypatch.setattr(cameras.os.path, "exists", lambda path: True)
-    monkeypatch.setattr(cameras.cv2, "VideoCapture", made)
-    monkeypatch.setattr(cameras.time, "time", lambda: made.clock)
+    monkeypatch.setattr(videos.os.path, "exists", lambda path: True)
+    monkeypatch.setattr(videos.cv2, "VideoCapture", made)
+    monkeypatch.setattr(videos.time, "time", lambda: made.clock)
     return made
 
 

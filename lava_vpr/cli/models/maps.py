@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,11 @@ import click
 
 from lava_vpr import maps
 from lava_vpr import model as model_file
-from lava_vpr.cli.common import PATH, Places, every_option, places_option, stage
+from lava_vpr.cli.common import PATH, stage
+from lava_vpr.cli.nouns import Places, every_option, jobs_option, places_option, reference_positions_options
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.cli.train import describe, tell
-from lava_vpr.cli.whereabouts import reference_positions_options
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError, ModelFileError
@@ -56,11 +57,6 @@ class PlaceRanges(click.ParamType):
         return tuple(ranges)
 
 
-jobs_option = click.option(
-    "--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors)."
-)
-
-
 @click.command()
 @click.argument("model_path", metavar="MODEL", type=PATH)
 @click.argument("images", nargs=-1, required=True, type=str, metavar="IMAGES...")
@@ -76,9 +72,7 @@ def extend(
     places: tuple[int, int] | None,
     every: float,
     jobs: int | None,
-    positions: tuple[Path, ...],
-    stamps: tuple[str, ...],
-    gap: float,
+    **where: Any,
 ) -> None:
     """Learn further places into a model, with its own settings; what it has learned stays as it is.
 
@@ -90,27 +84,20 @@ def extend(
     it was.
     """
     target = model_path if output is None else output
-    with _changed(model_path, target, images, (*positions, *map(Path, stamps))) as outputs:
+    with _changed(model_path, target, images, (*where["positions"], *map(Path, where["stamps"]))) as outputs:
         model, pool = model_file.load(model_path), Pool(jobs or cores())
         checks.check_learned(model, "extending", model_path)
         whole = open_traverses(images, every=every, events=model.config.events)
         outputs.spare(path for traverse in whole for path in traverse.paths)
         ranges = [traverse.between(*places) if places else traverse for traverse in whole]
-        chosen = located_each(ranges, [len(traverse) for traverse in whole], positions, stamps, gap)
+        chosen = located_each(ranges, [len(traverse) for traverse in whole], **where)
         check_references([len(traverse) for traverse in chosen], images, least=1)
         stretches = checks.check_extension(model, len(chosen[0]), len(chosen), model_path)
-        known = _positions(model, chosen[0], bool(positions), model_path)
+        known = _positions(model, chosen[0], bool(where["positions"]), model_path)
         references = encode_references(chosen, model.config, model.standard, TERMINAL)
-        started = time.perf_counter()
+        extending, started = partial(maps.extend, model, references), time.perf_counter()
         with learning_bar(TERMINAL, stretches, model.config, len(chosen)) as bar:
-            made = maps.extend(
-                model,
-                references,
-                route_images=len(whole[0]),
-                positions=known,
-                pool=pool,
-                progress=bar.show,
-            )
+            made = extending(route_images=len(whole[0]), positions=known, pool=pool, progress=bar.show)
         seconds = time.perf_counter() - started
         _save(made, target)
     new = made.place_indices[model.places :]

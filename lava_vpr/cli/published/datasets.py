@@ -8,8 +8,10 @@ from typing import Any
 
 import click
 
-from lava_vpr.cli.common import PATH, RegisteredName, console, print_whole
-from lava_vpr.cli.outputs import Outputs, write_json
+from lava_vpr.cli.common import PATH, RegisteredName
+from lava_vpr.cli.nouns import json_option
+from lava_vpr.cli.outputs import Outputs
+from lava_vpr.cli.show.results import show_results
 from lava_vpr.datasets.checking import Check, check
 from lava_vpr.datasets.layouts import DATASETS, Dataset, DatasetLayout
 from lava_vpr.show.numbers import NONE
@@ -19,7 +21,7 @@ from lava_vpr.show.table import Table
 @click.command()
 @click.argument("name", type=RegisteredName(DATASETS), required=False)
 @click.argument("folder", type=PATH, required=False)
-@click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write what is printed as JSON.")
+@json_option("what is printed")
 def datasets(name: str | None, folder: Path | None, json_path: Path | None) -> None:
     """Say what the five benchmark datasets are, and check what is there of one.
 
@@ -29,33 +31,23 @@ def datasets(name: str | None, folder: Path | None, json_path: Path | None) -> N
     """
     Outputs((json_path,), images=() if folder is None else (str(folder),))
     if name is None:
-        values: Any = {"datasets": [_described(dataset) for dataset in DATASETS.values()]}
-        _write(json_path, values)
-        _list()
+        show_results(_list(), {json_path: {"datasets": [_described(dataset) for dataset in DATASETS.values()]}})
     elif folder is None:
-        _write(json_path, _described(DATASETS[name]))
-        _tell(DATASETS[name])
+        show_results(_told(DATASETS[name]), {json_path: _described(DATASETS[name])})
     else:
         found = check(name, folder)
-        _write(json_path, found.as_json())
-        _show(found)
+        show_results(_found(found), {json_path: found.as_json()})
         if not found.usable:
             sys.exit(1)
 
 
-def _write(path: Path | None, values: dict[str, Any]) -> None:
-    if path is not None:  # files first: whoever reads the table may go away
-        write_json(path, values)
-
-
-def _list() -> None:
+def _list() -> list[Table | str]:
     """The datasets, a row each."""
     notes = ("lava-vpr datasets NAME: what to download, and the folders", "lava-vpr datasets NAME FOLDER: check them")
     columns = ("name", "dataset", "the paper's task", "sections", "places")
     rows = [(name, d.title, d.task, f"{d.sections} x {d.places}", _sampling(d)) for name, d in DATASETS.items()]
-    print_whole(Table(columns, rows, notes, "benchmark datasets", words=5))
-    for name, row in DATASETS.items():
-        console.print(f"{name}: {row.page}")
+    table = Table(columns, rows, notes, "benchmark datasets", words=5)
+    return [table, *(f"{name}: {row.page}" for name, row in DATASETS.items())]
 
 
 def _sampling(row: Dataset) -> str:
@@ -66,21 +58,19 @@ def _sampling(row: Dataset) -> str:
     return "every image" if layout.step == 1 else f"every {layout.step}th image"
 
 
-def _tell(row: Dataset) -> None:
+def _told(row: Dataset) -> list[str]:
     """All that is known of one dataset."""
-    console.print(f"{row.title}: {row.what}")
-    for title, text in (
-        ("page", row.page),
-        ("download", row.download),
-        ("the paper", f"{row.task}; {row.sections} x {row.places} places, one model each."),
-        ("places", row.sampling),
-        ("truth", row.truth),
-        ("not said", row.unsaid),
-    ):
-        console.print(f"  {title + ':':<11}{text}")
-    console.print("  folders:   one of these below FOLDER, or lists of images; the query last")
-    for layout in row.layouts:
-        console.print(f"    {_folders(layout)}")
+    return [
+        f"{row.title}: {row.what}",
+        f"  page:      {row.page}",
+        f"  download:  {row.download}",
+        f"  the paper: {row.task}; {row.sections} x {row.places} places, one model each.",
+        f"  places:    {row.sampling}",
+        f"  truth:     {row.truth}",
+        f"  not said:  {row.unsaid}",
+        "  folders:   one of these below FOLDER, or lists of images; the query last",
+        *(f"    {_folders(layout)}" for layout in row.layouts),
+    ]
 
 
 def _folders(layout: DatasetLayout) -> str:
@@ -118,7 +108,7 @@ def _described(row: Dataset) -> dict[str, Any]:
     }
 
 
-def _show(found: Check) -> None:
+def _found(found: Check) -> list[Table | str]:
     """What was found, and what differs."""
     rows = [
         (
@@ -130,11 +120,8 @@ def _show(found: Check) -> None:
         for row in found.traverses
     ]
     title = f"{found.dataset.title}: {found.dataset.task}"
-    print_whole(Table(("traverse", "images", "in use", "pixels"), rows, title=title))
-    if found.places is None:
-        console.print("positions decide which images are places: " + found.dataset.truth)
-    else:
-        console.print(f"{found.places:,} places: {found.sections} of the paper's {found.dataset.sections} sections")
-    for sentence in found.differs:
-        console.print(f"differs: {sentence}")
-    console.print("usable" if found.usable else "not usable")
+    places = "positions decide which images are places: " + found.dataset.truth
+    if found.places is not None:
+        places = f"{found.places:,} places: {found.sections} of the paper's {found.dataset.sections} sections"
+    table = Table(("traverse", "images", "in use", "pixels"), rows, title=title)
+    return [table, places, *(f"differs: {one}" for one in found.differs), "usable" if found.usable else "not usable"]

@@ -10,10 +10,10 @@ from typing import Any
 import click
 
 from lava_vpr.cli.common import PATH, Numbers, progress_bar, seed_type, setting_type
+from lava_vpr.cli.nouns import jobs_option, json_option
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
-from lava_vpr.cli.show.command import command_line
-from lava_vpr.cli.show.results import Files, show_results
+from lava_vpr.cli.show.results import Files, command_line, show_results
 from lava_vpr.config import StdpLearning
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.errors import InputError
@@ -107,11 +107,11 @@ class NamedPathsType(click.ParamType):
 )
 @click.option("--epochs", type=setting_type(StdpLearning, "epochs"), default=None, help="Epochs of every network.")
 @click.option("--seed", type=seed_type, default=0, show_default=True, help="Seed of start weights and spikes.")
-@click.option("--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors).")
+@jobs_option
 @cluster_option
 @click.option("--keep", type=PATH, default=None, metavar="DIR", help="Keep finished sections there, and take them.")
 @click.option("--kept-only", is_flag=True, help="Compute nothing: the table of what is kept so far.")
-@click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help="Write the table as JSON.")
+@json_option("the table")
 @click.option("--csv", "csv_path", type=PATH, default=None, metavar="FILE", help="Write the table as CSV.")
 @click.option("--markdown", "markdown_path", type=PATH, default=None, metavar="FILE", help="Write it as Markdown.")
 @click.option("--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/paper_table.html.")
@@ -148,7 +148,7 @@ def paper_table(
                 click.echo(text, err=True)
             raise
     files: Files = {json_path: as_json(table), csv_path: as_csv(table), markdown_path: markdown(table)}
-    show_results(tables(table), files, page, lambda: _page(table), [RULES])
+    show_results([*tables(table), RULES], files, page, lambda: _page(table))
 
 
 def _page(table: PaperTable) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from lava_vpr.cli.common import RegisteredName, console, print_whole, setting_type, stderr
+from lava_vpr.cli.common import RegisteredName, setting_type, stderr
 from lava_vpr.config import INPUT_MODES, LifNetwork
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.hardware.belief import HardwareBelief
@@ -46,34 +46,21 @@ def check_dense_rows(board: Board, dense_rows: bool) -> None:
         raise click.UsageError(f"--dense-rows needs --target {able}: how {board.title} stores rows is not public")
 
 
-def print_unproven(rows: Sequence[HardwareBelief]) -> None:
-    """Print how many unproven beliefs a bundle rests on, with the names of those that not all for its board have."""
-    own = [row.name for row in rows if all(":" in each for each in row.rests)]
-    named = "".join(f"; {name}" for name in own)
-    console.print(
-        f"Rests on {len(rows)} beliefs that no public source shows (docs/hardware.md): {len(rows) - len(own)} of "
-        f"every bundle for this board{named}.",
-        soft_wrap=True,
-    )
-
-
-def print_placed(
-    plan: Plan, notes: Iterable[str], beliefs: Sequence[HardwareBelief], compared: Table | None = None
-) -> None:
-    """Print where neurons stand, and what that rests on.
+def placed(plan: Plan, notes: Iterable[str], beliefs: Sequence[HardwareBelief]) -> list[Table | str]:
+    """Where neurons stand, and what that rests on, for the terminal.
 
     Args:
         plan: Where they stand.
-        notes: What was changed for the board; goes to stderr.
-        beliefs: Unproven beliefs that it rests on.
-        compared: A table to stand above.
+        notes: What was changed for the board; printed on stderr.
+        beliefs: Unproven beliefs that it rests on; those are named that not all bundles for its board have.
     """
     from lava_vpr.deploy.show.tables import core_table, summary
 
     for note in notes:
         stderr.print(f"note: {note}")
-    if compared is not None:
-        print_whole(compared)
-    print_whole(core_table(plan))
-    console.print("\n".join(summary(plan)))
-    print_unproven(beliefs)
+    own = [row.name for row in beliefs if all(":" in each for each in row.rests)]
+    rests = (
+        f"Rests on {len(beliefs)} beliefs that no public source shows (docs/hardware.md): {len(beliefs) - len(own)} of "
+        f"every bundle for this board{''.join(f'; {name}' for name in own)}."
+    )
+    return [core_table(plan), "\n".join(summary(plan)), rests]

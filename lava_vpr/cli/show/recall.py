@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from lava_vpr.backends.rivals import BASELINES
-from lava_vpr.cli.common import print_whole
 from lava_vpr.matching.evaluation import TITLES, values_of
 from lava_vpr.model import Model
 from lava_vpr.recognition import Recognition
@@ -13,7 +12,7 @@ from lava_vpr.show.numbers import percent
 from lava_vpr.show.table import Table
 
 
-def print_table(model: Model, result: Recognition, sequence: int = 1) -> None:
+def recall_table(model: Model, result: Recognition, sequence: int = 1) -> Table:
     """The figures of every matcher in percent, the default decoder first and marked."""
     what = "queries" if sequence == 1 else f"sequences of {sequence} queries"
     title = f"{len(result.matches)} {what}, {model.places} places, {model.neurons} neurons"
@@ -29,13 +28,13 @@ def print_table(model: Model, result: Recognition, sequence: int = 1) -> None:
     )
     rows = [(name, *map(percent, values_of(metrics))) for group in groups for name, metrics in group.items()]
     rules = frozenset({len(groups[0]), len(groups[0]) + len(groups[1])})
-    print_whole(Table(("matcher", *TITLES.values()), rows, notes, title, rules=rules))
+    return Table(("matcher", *TITLES.values()), rows, notes, title, rules=rules)
 
 
-def print_trust(result: Recognition) -> None:
-    """What each target precision keeps, and how far probabilities are from what they say."""
+def trust_tables(result: Recognition) -> list[Table]:
+    """What each target precision keeps, and how far probabilities are from what they say, where they are known."""
     if not result.trust:
-        return
+        return []
     off_map = next(iter(result.trust.values())).off_map
     note = f"{percent(off_map)} % of the queries are off the map; the calibration takes half for that"
     rows = []
@@ -46,4 +45,4 @@ def print_trust(result: Recognition) -> None:
             first = (name, percent(found.error)) if number == 0 else ("", "")
             rows.append((first[0], percent(row.target), least, *figures, first[1]))
     columns = ("", "target", "least probability", "accepted", "precision", "kept", "false accepts", "error")
-    print_whole(Table(columns, rows, (note,), "accepted by --target-precision"))
+    return [Table(columns, rows, (note,), "accepted by --target-precision")]

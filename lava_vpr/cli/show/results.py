@@ -1,12 +1,15 @@
-"""What a command computed, as files, a page and tables."""
+"""What a command computed, as files, a page and tables; and how to repeat it."""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from lava_vpr.cli.common import console, print_whole, stage
+import click
+
+from lava_vpr.cli.common import Numbers, Values, console, print_whole, stage
 from lava_vpr.cli.outputs import write_json, write_text
 from lava_vpr.show.page import write_page
 from lava_vpr.show.table import Table
@@ -17,20 +20,15 @@ Files = Mapping[Path | None, str | dict[str, Any]]
 
 
 def show_results(
-    tables: Iterable[Table],
-    files: Files,
-    page: Path | None,
-    page_of: Callable[[], str],
-    notes: Iterable[str] = (),
+    said: Iterable[Table | str], files: Files, page: Path | None = None, page_of: Callable[[], str] = str
 ) -> None:
-    """Write the files, then print the tables: whoever reads them may go away.
+    """Write the files, then print what is said: whoever reads it may go away.
 
     Args:
-        tables: The tables, for the terminal.
+        said: Tables and lines, for the terminal.
         files: What is written beside.
         page: Where the page goes; None: nowhere.
         page_of: The HTML of the page.
-        notes: Lines below the tables.
     """
     for path, content in files.items():
         if path is not None:
@@ -38,9 +36,36 @@ def show_results(
     if page is not None:
         with stage("writing the report"):
             write_page(page_of(), page)
-    for table in tables:
-        print_whole(table)
-    for note in notes:
-        console.print(note)
+    for item in said:
+        print_whole(item)
     if page is not None:
         console.print(f"report: {shown(page)}")
+
+
+SILENT = ("json_path", "csv_path", "report_folder", "jobs", "address", "keep")
+"""Parameters that a report does not repeat: they change nothing of what it says."""
+
+
+def command_line(ctx: click.Context) -> str:
+    """How to repeat this command, file names without their folders (reports carry no paths)."""
+    words = ["lava-vpr", ctx.info_name or ""]
+    for param in ctx.command.params:
+        value = ctx.params.get(param.name or "")
+        if value is None or value == () or value == param.default or param.name in SILENT:
+            continue
+        values = value if isinstance(value, tuple) else (value,)
+        if param.name == "places":
+            values = (f"{values[0]}:{values[1]}",)
+        if isinstance(param.type, (Numbers, Values)):
+            values = (",".join(f"{number:g}" for number in values),)
+        sources = ("query", "references", "stamps")
+        shown = [Path(v).name if isinstance(v, Path) or param.name in sources else str(v) for v in values]
+        if isinstance(param, click.Argument):
+            words += shown
+        elif isinstance(param, click.Option) and param.is_flag:
+            words += [param.opts[-1]] if value else []
+        elif param.multiple:
+            words += [word for text in shown for word in (param.opts[-1], text)]
+        else:
+            words += [param.opts[-1], *shown]
+    return shlex.join(words)

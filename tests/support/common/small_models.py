@@ -16,7 +16,7 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.inputs.hog import HOG_VALUES
+from lava_vpr.inputs.patches import HOG_VALUES
 from lava_vpr.model import Model
 from lava_vpr.training.loop import train
 

@@ -1,0 +1,258 @@
+"""Nouns that several commands share, each with its options: sources, where images were taken, queries, results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lava_vpr.backends.asking import Asking
+from lava_vpr.backends.opening import open_model
+from lava_vpr.backends.registry import BACKENDS
+from lava_vpr.cli.common import PATH, F, Number, RegisteredName, noun, seed_type, several
+from lava_vpr.cli.outputs import Outputs
+from lava_vpr.datasets.layouts import DATASETS
+from lava_vpr.datasets.selecting import Benchmark
+from lava_vpr.errors import InputError
+from lava_vpr.model import Model
+from lava_vpr.positions.track import MOST_GAP_S
+from lava_vpr.traverse import Traverse, located
+
+_POSITIONS = "Positions, CSV or GPX: a row an image, or timed (default: from names @UTM_east@UTM_north@...)."
+_STAMPS = "When they were taken: CSV, a row an image; or when a video begins (default: from names and frames)."
+
+
+class Places(click.ParamType):
+    """The option value ``A:B``: images A..B-1 of a naturally sorted sequence."""
+
+    name = "A:B"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        if isinstance(value, tuple):
+            return value
+        first, colon, end = str(value).partition(":")
+        if not (colon and all(part.isascii() and part.isdigit() and len(part) <= 18 for part in (first, end))):
+            self.fail(f"{value!r} is not of the form A:B, for instance 0:100", param, ctx)
+        if int(first) >= int(end):
+            self.fail(f"{value!r} holds no place; A must be below B", param, ctx)
+        return int(first), int(end)
+
+
+class OneSource(click.Command):
+    """A command whose last argument is one folder, list, video or image, and which says so if it is given more."""
+
+    allow_extra_args = True
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        rest = super().parse_args(ctx, args)
+        if rest and not ctx.resilient_parsing:
+            ctx.fail(
+                f"{rest[0]!r} is one argument too many ({len(rest)} are); give the folder instead of the images in it, "
+                "or a list of them"
+            )
+        return rest
+
+
+def places_option(help: str) -> Callable[[F], F]:
+    """Give a command the option ``--places A:B``."""
+    return click.option("--places", type=Places(), default=None, help=help)
+
+
+def every_option(command: F) -> F:
+    """Give a command the option ``--every SECONDS``."""
+    text = "From a video, camera, ROS bag or recording of events, one image every so often."
+    return click.option("--every", type=float, default=1.0, show_default=True, metavar="SECONDS", help=text)(command)
+
+
+@dataclass(frozen=True)
+class WhereOptions:
+    """What the user says of where and when one traverse's images were taken.
+
+    Attributes:
+        positions: CSV or GPX file with positions; None: those in the images' names, if they tell any.
+        stamps: CSV file with times, or when a video begins; None: those of names and frames.
+        gap: Most seconds between two positions between which an image is placed.
+    """
+
+    positions: Path | None = None
+    stamps: str | None = None
+    gap: float = MOST_GAP_S
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files to be read."""
+        return tuple(Path(file) for file in (self.positions, self.stamps) if file is not None)
+
+    def check(self, model: Model) -> None:
+        """Refuse positions that nothing can be done with.
+
+        Raises:
+            InputError: they are given, but the model has none.
+        """
+        if self.positions is not None and model.positions is None:
+            raise InputError(
+                "--query-positions needs a model that knows where its places are; train it with --positions, or use "
+                "eval --positions REF.csv QUERY.csv"
+            )
+
+    def of(self, traverse: Traverse, whole: int) -> Traverse:
+        """``traverse``, some of ``whole`` images, with what is told of them.
+
+        Raises:
+            InputError: a file cannot be used, or does not tell of each image.
+        """
+        return located(traverse, whole, self.positions, self.stamps, self.gap)
+
+
+_GAP = click.option(
+    "--gap",
+    type=Number(min=0),
+    default=MOST_GAP_S,
+    show_default=True,
+    metavar="SECONDS",
+    help="Longest gap between two positions in which an image is placed by its time.",
+)
+_EACH = " Once for each REFERENCE, in order."
+
+query_positions_options = noun(
+    "where",
+    lambda query_positions, stamps, gap: WhereOptions(query_positions, stamps, gap),
+    click.option("--query-positions", type=PATH, default=None, metavar="FILE", help=_POSITIONS),
+    click.option("--stamps", default=None, metavar="FILE|TIME", help=_STAMPS),
+    _GAP,
+)
+"""The options ``--query-positions``, ``--stamps`` and ``--gap``, given to the command as ``where``."""
+
+reference_positions_options = several(
+    click.option("--positions", type=PATH, multiple=True, metavar="FILE", help=_POSITIONS + _EACH),
+    click.option("--stamps", multiple=True, metavar="FILE|TIME", help=_STAMPS + _EACH),
+    _GAP,
+)
+"""Give a command the options ``--positions``, ``--stamps`` and ``--gap`` of several traverses."""
+
+dataset_options = several(
+    click.option(
+        "--dataset",
+        type=RegisteredName(DATASETS),
+        default=None,
+        help="The folder holds this benchmark dataset: take the paper's traverses and sampling.",
+    ),
+    click.option(
+        "--section",
+        type=click.IntRange(min=1),
+        default=None,
+        metavar="K",
+        help="One of the dataset's sections, from 1 (default: all its places).",
+    ),
+)
+"""Give a command the options ``--dataset`` and ``--section``."""
+
+benchmark_options = noun("benchmark", lambda dataset, section: Benchmark(dataset, section), dataset_options)
+"""The options ``--dataset`` and ``--section``, given to the command as ``benchmark``."""
+
+
+@dataclass(frozen=True)
+class Queries:
+    """Which model is asked, and which query images.
+
+    Attributes:
+        model_path: File of the model, or folder of a bundle.
+        query: Folder, list, video or image.
+        places: Images A..B-1; None: the model's range.
+        every: Seconds between two frames of a video, or two windows of events.
+    """
+
+    model_path: Path
+    query: str
+    places: tuple[int, int] | None
+    every: float
+
+    def model(self, asking: Asking) -> Model:
+        """The model, found fit to be asked as ``asking`` says.
+
+        Raises:
+            LavaVprError: it cannot be read, or cannot be asked so.
+        """
+        model = open_model(self.model_path)
+        asking.check(model)
+        return model
+
+
+queries_options = noun(
+    "asked",
+    Queries,
+    click.argument("model_path", metavar="MODEL", type=PATH),
+    click.argument("query", type=str),
+    places_option("Query images A..B-1 (default: the model's own range)."),
+    every_option,
+)
+"""MODEL, QUERY, ``--places`` and ``--every``, given to the command as ``asked``."""
+
+asking_options = noun(
+    "asking",
+    Asking,
+    click.option(
+        "--adapt",
+        type=Number(min=1),
+        default=None,
+        metavar="N",
+        help="Let biases follow the queries before, with a time constant of N queries.",
+    ),
+    click.option(
+        "--query-views",
+        "views",
+        type=click.IntRange(1, 99),
+        default=1,
+        show_default=True,
+        help="Sideways views in which each query is presented, an odd number.",
+    ),
+)
+"""``--adapt`` and ``--query-views``, given to the command as ``asking``."""
+
+jobs_option = click.option(
+    "--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors)."
+)
+seed_option = click.option(
+    "--seed", type=seed_type, default=None, help="Seed of the queries' spikes (default: the model's)."
+)
+answer_options = several(
+    click.option(
+        "--backend", type=RegisteredName(BACKENDS), default="host", show_default=True, help="Where the network runs."
+    ),
+    seed_option,
+)
+"""``--backend`` and ``--seed`` of a command that runs a model."""
+
+
+def json_option(what: str) -> Callable[[Any], Any]:
+    """Give a command the option ``--json``, which writes ``what``."""
+    return click.option("--json", "json_path", type=PATH, default=None, metavar="FILE", help=f"Write {what} as JSON.")
+
+
+@dataclass(frozen=True)
+class WrittenFiles:
+    """Files that a command writes of what it found.
+
+    Attributes:
+        json_path: JSON file; None: none.
+        report_folder: Folder of the page; None: no page.
+    """
+
+    json_path: Path | None
+    report_folder: Path | None
+
+    def outputs(self, page: str, **inputs: Any) -> tuple[Outputs, Path | None]:
+        """The checked outputs, beside the ``inputs`` of `Outputs`, and the page's file."""
+        target = None if self.report_folder is None else self.report_folder / page
+        return Outputs((self.json_path,), made=(target,), **inputs), target
+
+
+def results_options(page: str) -> Callable[[Any], Any]:
+    """Give a command the options ``--json`` and ``--report``, as ``results``; the page in the folder is ``page``."""
+    report = click.option(
+        "--report", "report_folder", type=PATH, default=None, metavar="DIR", help=f"Write DIR/{page}."
+    )
+    return noun("results", WrittenFiles, json_option("the figures"), report)
