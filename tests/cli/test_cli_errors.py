@@ -2,288 +2,197 @@
 
 from __future__ import annotations
 
-import json
-import shutil
+import io
+import os
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
-from support.common.imagefiles import blocky_picture, write_images
+from click.testing import CliRunner
+from support.common.commands import SHORT, content, fails, matches
+from support.common.imagefiles import blocky_picture, image_bytes, written
 
 from lava_vpr.cli import main
 
-CONFIG = "[network]\nsteps = 32\n[learning]\nsteps = 40\nepochs = 2\n"
 
-
-def run(*words: object) -> Result:
-    return CliRunner().invoke(main, [str(word) for word in words])
-
-
-@pytest.fixture(scope="module")
-def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with good images and a good model; tests copy it before they damage anything."""
-    root = tmp_path_factory.mktemp("good")
-    write_images(root / "ref", 6)
-    write_images(root / "query", 6)
-    (root / "quick.toml").write_text(CONFIG)
-    result = run("train", root / "ref", "-o", root / "m.lvpr", "--config", root / "quick.toml")
-    assert result.exit_code == 0, result.output
-    part = run("train", root / "ref", "-o", root / "m4.lvpr", "--config", root / "quick.toml", "--places", "0:4")
-    assert part.exit_code == 0, part.output
-    return root
-
-
-@pytest.fixture
-def here(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    shutil.copytree(place, tmp_path / "w")
-    monkeypatch.chdir(tmp_path / "w")
-    return tmp_path / "w"
-
-
-def nothing(here: Path) -> None:
-    pass
-
-
-def empty_folder(here: Path) -> None:
-    (here / "empty").mkdir()
-
-
-def no_images(here: Path) -> None:
-    (here / "texts").mkdir()
-    (here / "texts" / "a.txt").write_text("hello")
-
-
-def truncated(here: Path) -> None:
-    path = here / "ref" / "img3.png"
-    path.write_bytes(path.read_bytes()[:60])
-
-
-def zero_bytes(here: Path) -> None:
-    (here / "query" / "img2.png").write_bytes(b"")
-
-
-def renamed_text(here: Path) -> None:
-    (here / "ref" / "img1.png").write_text("I am no image")
-
-
-def missing_in_list(here: Path) -> None:
-    (here / "list.txt").write_text("ref/img0.png\nref/none.png\n")
-
-
-def empty_list(here: Path) -> None:
-    (here / "list.txt").write_text("# nothing\n")
-
-
-def bad_video(here: Path) -> None:
-    (here / "v.mp4").write_bytes(b"not a video")
-
-
-def nan_image(here: Path) -> None:
-    cv2.imwrite(str(here / "ref" / "img2.tif"), np.full((20, 30), np.nan, np.float32))
-
-
-def one_more_query(here: Path) -> None:
-    cv2.imwrite(str(here / "query" / "img9.png"), blocky_picture(77))
-
-
-def more_queries(here: Path) -> None:
-    write_images(here / "query", 9)
-
-
-def good_list(here: Path) -> None:
-    (here / "list.txt").write_text("ref/img0.png\nref/img1.png\n")
-
-
-def conflicting_presets(here: Path) -> None:
-    (here / "bad.toml").write_text("preset = 'loihi'\n")
-
-
-def endless_theta(here: Path) -> None:
-    (here / "bad.toml").write_text("preset = 'paper'\n[learning]\ntau_theta_ms = inf\n")
-
-
-def one_image(here: Path) -> None:
-    write_images(here / "one", 1)
-
-
-def shorter_second(here: Path) -> None:
-    write_images(here / "ref2", 5)
-
-
-def damaged_model(here: Path) -> None:
-    data = (here / "m.lvpr").read_bytes()
-    (here / "m.lvpr").write_bytes(data[: len(data) // 2])
-
-
-def foreign_model(here: Path) -> None:
-    np.savez(here / "m.npz", a=np.zeros(3))
-
-
-def empty_model(here: Path) -> None:
-    (here / "e.lvpr").write_bytes(b"")
-
-
-def bad_toml(here: Path) -> None:
-    (here / "bad.toml").write_text("[network\n")
-
-
-def unknown_setting(here: Path) -> None:
-    (here / "bad.toml").write_text("[network]\nneuron_count = 3\n")
-
-
-def out_of_range(here: Path) -> None:
-    (here / "bad.toml").write_text("[learning]\neta = -3.0\n")
-
-
-def overflowing(here: Path) -> None:
-    (here / "bad.toml").write_text(CONFIG.replace("[network]\n", "[network]\nthreshold = 1.0\ninhibition = 9000.0\n"))
-
-
-def checkpoint(here: Path) -> None:
-    (here / "n.lvpr.checkpoint").write_bytes(b"lava-vpr checkpoint 1\nrest")
-
-
-def garbled_gt(here: Path) -> None:
-    (here / "gt.txt").write_text("0: 1\n1: two\n")
-
-
-def gt_of_nobody(here: Path) -> None:
-    (here / "gt.json").write_text(json.dumps({"900": [1]}))
-
-
-def short_positions(here: Path) -> None:
-    (here / "r.csv").write_text("x,y\n" + "".join(f"{k},0\n" for k in range(6)))
-    (here / "q.csv").write_text("x,y\n0,0\n1,0\n")
-
-
-def nan_positions(here: Path) -> None:
-    (here / "r.csv").write_text("x,y\n" + "".join(f"{k},0\n" for k in range(6)))
-    (here / "q.csv").write_text("x,y\n0,0\n1,nan\n2,0\n3,0\n4,0\n5,0\n")
-
-
-def nan_descriptors(here: Path) -> None:
-    np.save(here / "r.npy", np.ones((6, 4)))
-    np.save(here / "q.npy", np.full((6, 4), np.nan))
-
-
-def few_descriptors(here: Path) -> None:
-    np.save(here / "r.npy", np.ones((5, 4)))
-    np.save(here / "q.npy", np.ones((6, 4)))
-
-
-def pickled_descriptors(here: Path) -> None:
-    np.save(here / "r.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    np.save(here / "q.npy", np.ones((6, 4)))
-
-
-def file_in_the_way(here: Path) -> None:
-    (here / "out").write_text("a file")
-
-
-def someone_elses_folder(here: Path) -> None:
-    (here / "out").mkdir()
-    (here / "out" / "thesis.tex").write_text("years of work")
+def saved(save: Callable[..., None], array: np.ndarray) -> bytes:
+    """The file that ``save`` of NumPy makes of an array."""
+    buffer = io.BytesIO()
+    save(buffer, array)
+    return buffer.getvalue()
 
 
 TRAIN = "train {} -o n.lvpr --config quick.toml"
-DATA = [
-    (nothing, "train none -o n.lvpr", "none: cannot be opened (No such file or directory)"),
-    (empty_folder, "train empty -o n.lvpr", "empty: "),
-    (no_images, "train texts -o n.lvpr", "texts: "),
-    (truncated, TRAIN.format("ref"), "img3.png: "),
-    (zero_bytes, "eval m.lvpr query", "img2.png: "),
-    (renamed_text, TRAIN.format("ref"), "img1.png: "),
-    (nan_image, TRAIN.format("ref"), "img2.tif: "),
-    (missing_in_list, TRAIN.format("list.txt"), "none.png"),
-    (empty_list, TRAIN.format("list.txt"), "list.txt: "),
-    (bad_video, TRAIN.format("v.mp4"), "v.mp4: "),
-    (nothing, TRAIN.format("quick.toml"), "quick.toml: is of no known type"),
-    (nothing, TRAIN.format("ref") + " --places 0:50", "ref: has 6 images; places 0:50 go beyond, use at most 0:6"),
-    (nothing, TRAIN.format("ref") + " --every 0", "--every is 0"),
-    (nothing, TRAIN.format("ref") + " --every nan", "--every is nan"),
-    (one_image, TRAIN.format("one"), "one: a route needs at least 2 places, but there is 1 image; give a folder"),
-    (nothing, TRAIN.format("ref") + " --places 2:3", "ref: a route needs at least 2 places, but there is 1 image"),
-    (shorter_second, TRAIN.format("ref ref2"), "ref2: reference traverse 2 has 5 images, the first has 6"),
-    (nothing, "train ref -o no/such/n.lvpr", "no/such/n.lvpr: the folder no/such does not exist; create it first"),
-    (nothing, "train ref -o query", "query: is a folder; name a file"),
-    (bad_toml, "train ref -o n.lvpr --config bad.toml", "bad.toml: not a TOML file"),
-    (nothing, "train ref -o n.lvpr --config none.toml", "none.toml: cannot be read"),
-    (unknown_setting, "train ref -o n.lvpr --config bad.toml", "bad.toml: network.neuron_count is not a setting"),
-    (out_of_range, "train ref -o n.lvpr --config bad.toml", "bad.toml: learning.eta is -3.0, but must be in [0, 10]"),
+DEPLOY = "deploy m.lvpr --target kapoho-bay -o c"
+PICTURE = image_bytes(".png", blocky_picture(77))
+MORE = {f"query/img{k}.png": PICTURE for k in (6, 7, 8)}
+SHORTER = {f"ref2/img{k}.png": PICTURE for k in range(5)}
+DATA: list[tuple[dict[str, bytes | str | None], str, str]] = [
+    ({}, "train none -o n.lvpr", "none: cannot be opened (No such file or directory)"),
+    ({"empty/": ""}, "train empty -o n.lvpr", "empty: "),
+    ({"texts/a.txt": "hello"}, "train texts -o n.lvpr", "texts: "),
+    ({"ref/img3.png": PICTURE[:60]}, TRAIN.format("ref"), "img3.png: "),
+    ({"query/img2.png": ""}, "eval m.lvpr query", "img2.png: "),
+    ({"ref/img1.png": "I am no image"}, TRAIN.format("ref"), "img1.png: "),
+    ({"ref/img2.tif": image_bytes(".tif", np.full((20, 30), np.nan, np.float32))}, TRAIN.format("ref"), "img2.tif: "),
+    ({"list.txt": "ref/img0.png\nref/none.png\n"}, TRAIN.format("list.txt"), "none.png"),
+    ({"list.txt": "# nothing\n"}, TRAIN.format("list.txt"), "list.txt: "),
+    ({"v.mp4": "not a video"}, TRAIN.format("v.mp4"), "v.mp4: "),
+    ({}, TRAIN.format("quick.toml"), "quick.toml: is of no known type"),
+    ({}, TRAIN.format("ref") + " --places 0:50", "ref: has 6 images; places 0:50 go beyond, use at most 0:6"),
+    ({}, TRAIN.format("ref") + " --every 0", "--every is 0"),
+    ({}, TRAIN.format("ref") + " --every nan", "--every is nan"),
     (
-        overflowing,
+        {"one/img0.png": PICTURE},
+        TRAIN.format("one"),
+        "one: a route needs at least 2 places, but there is 1 image; give a folder",
+    ),
+    ({}, TRAIN.format("ref") + " --places 2:3", "ref: a route needs at least 2 places, but there is 1 image"),
+    (SHORTER, TRAIN.format("ref ref2"), "ref2: reference traverse 2 has 5 images, the first has 6"),
+    ({}, "train ref -o no/such/n.lvpr", "no/such/n.lvpr: the folder no/such does not exist; create it first"),
+    ({}, "train ref -o query", "query: is a folder; name a file"),
+    ({"bad.toml": "[network\n"}, "train ref -o n.lvpr --config bad.toml", "bad.toml: not a TOML file"),
+    ({}, "train ref -o n.lvpr --config none.toml", "none.toml: cannot be read"),
+    (
+        {"bad.toml": "[network]\nneuron_count = 3\n"},
+        "train ref -o n.lvpr --config bad.toml",
+        "bad.toml: network.neuron_count is not a setting",
+    ),
+    (
+        {"bad.toml": "[learning]\neta = -3.0\n"},
+        "train ref -o n.lvpr --config bad.toml",
+        "bad.toml: learning.eta is -3.0, but must be in [0, 10]",
+    ),
+    (
+        {"bad.toml": SHORT.replace("[network]\n", "[network]\nthreshold = 1.0\ninhibition = 9000.0\n")},
         "train ref -o n.lvpr --config bad.toml",
         "does not fit 0..7; lower network.inhibition",
     ),
-    (nothing, "train ref -o n.lvpr --preset paper --input onoff", "takes encoder.kind 'pixels', not 'onoff'"),
-    (nothing, "train ref -o n.lvpr --preset paper --stretch 3 --epochs 1", "in one network; use --stretch 0"),
-    (nothing, "train ref -o n.lvpr --preset paper --weight-bits 3", "weight_bits is not a setting"),
-    (checkpoint, TRAIN.format("ref"), "n.lvpr.checkpoint: an interrupted training can go on from here; add --resume"),
-    (checkpoint, TRAIN.format("ref") + " --resume", "n.lvpr.checkpoint: the checkpoint is damaged"),
-    (nothing, TRAIN.format("ref") + " --resume", "n.lvpr.checkpoint: there is no checkpoint to resume from"),
-    (nothing, "eval none.lvpr query", "none.lvpr: the model cannot be read (No such file or directory)"),
-    (nothing, "eval ref query", "ref: holds no manifest.json, so it is no bundle; give a model file or a folder"),
-    (damaged_model, "eval m.lvpr query", "m.lvpr: the model is damaged (checksum differs)"),
-    (foreign_model, "eval m.npz query", "m.npz: is not a lava-vpr model"),
-    (empty_model, "eval e.lvpr query", "e.lvpr: the file is empty"),
-    (nothing, "eval m.lvpr none", "none: cannot be opened"),
-    (one_more_query, "eval m.lvpr query", "query: has 7 queries, the references 6: nothing says which place"),
-    (nothing, "eval m4.lvpr query --places 2:6", "--places 2:6 are partly places of the model and partly not"),
-    (more_queries, "eval m.lvpr query --places 2:9", "--places 2:9 are 7 queries for 6 other places"),
-    (more_queries, "eval m.lvpr query --places 6:9", "--places 6:9 are 3 queries for 6 other places"),
-    (nothing, "train ref -o ref/img0.png", "ref/img0.png: is also an input, which would be replaced"),
-    (good_list, "train list.txt -o list.txt", "list.txt: is also an input, which would be replaced"),
-    (nothing, "train ref -o quick.toml --config quick.toml", "quick.toml: is also an input"),
-    (nothing, "query m.lvpr query -o m.lvpr", "m.lvpr: is also an input, which would be replaced"),
-    (nothing, "query m.lvpr query -o query/img3.png", "query/img3.png: is also an input"),
-    (nothing, "eval m.lvpr query --json m.lvpr", "m.lvpr: is also an input, which would be replaced"),
-    (conflicting_presets, "train ref -o n.lvpr --preset paper --config bad.toml", "give one of them"),
-    (endless_theta, "train ref -o n.lvpr --config bad.toml", "learning.tau_theta_ms is inf"),
-    (nothing, "train ref -o n.lvpr --neurons 100000 --stretch 1", "a model of 6 places and 600,000 neurons takes"),
-    (nothing, "eval m.lvpr query --gt none.txt", "none.txt: "),
-    (garbled_gt, "eval m.lvpr query --gt gt.txt", "gt.txt line 2: 'two' is no index"),
-    (gt_of_nobody, "eval m.lvpr query --gt gt.json", "gt.json: "),
-    (nothing, "eval m.lvpr query --gt quick.toml", "quick.toml: is no known type of ground truth"),
-    (nothing, "eval m.lvpr query --positions a.csv b.csv --radius 5", "a.csv: "),
-    (short_positions, "eval m.lvpr query --positions r.csv q.csv --radius 5", "q.csv: has 2 positions"),
-    (nan_positions, "eval m.lvpr query --positions r.csv q.csv --radius 5", "q.csv line 3: y is 'nan'"),
-    (nothing, "eval m.lvpr query --descriptors a.npy b.npy", "a.npy: cannot be read"),
-    (nan_descriptors, "eval m.lvpr query --descriptors r.npy q.npy", "q.npy: row 0 holds NaN"),
-    (few_descriptors, "eval m.lvpr query --descriptors r.npy q.npy", "r.npy: has 5 rows for 6 images"),
+    ({}, "train ref -o n.lvpr --preset paper --input onoff", "takes encoder.kind 'pixels', not 'onoff'"),
+    ({}, "train ref -o n.lvpr --preset paper --stretch 3 --epochs 1", "in one network; use --stretch 0"),
+    ({}, "train ref -o n.lvpr --preset paper --weight-bits 3", "weight_bits is not a setting"),
     (
-        pickled_descriptors,
+        {"n.lvpr.checkpoint": "lava-vpr checkpoint 1\nrest"},
+        TRAIN.format("ref"),
+        "n.lvpr.checkpoint: an interrupted training can go on from here; add --resume",
+    ),
+    (
+        {"n.lvpr.checkpoint": "lava-vpr checkpoint 1\nrest"},
+        TRAIN.format("ref") + " --resume",
+        "n.lvpr.checkpoint: the checkpoint is damaged",
+    ),
+    ({}, TRAIN.format("ref") + " --resume", "n.lvpr.checkpoint: there is no checkpoint to resume from"),
+    ({}, "eval none.lvpr query", "none.lvpr: the model cannot be read (No such file or directory)"),
+    ({}, "eval ref query", "ref: holds no manifest.json, so it is no bundle; give a model file or a folder"),
+    ({"m.lvpr": None}, "eval m.lvpr query", "m.lvpr: the model is damaged (checksum differs)"),
+    ({"m.npz": saved(np.savez, np.zeros(3))}, "eval m.npz query", "m.npz: is not a lava-vpr model"),
+    ({"e.lvpr": ""}, "eval e.lvpr query", "e.lvpr: the file is empty"),
+    ({}, "eval m.lvpr none", "none: cannot be opened"),
+    (
+        {"query/img9.png": PICTURE},
+        "eval m.lvpr query",
+        "query: has 7 queries, the references 6: nothing says which place",
+    ),
+    ({}, "eval m4.lvpr query --places 2:6", "--places 2:6 are partly places of the model and partly not"),
+    (MORE, "eval m.lvpr query --places 2:9", "--places 2:9 are 7 queries for 6 other places"),
+    (MORE, "eval m.lvpr query --places 6:9", "--places 6:9 are 3 queries for 6 other places"),
+    ({}, "train ref -o ref/img0.png", "ref/img0.png: is also an input, which would be replaced"),
+    (
+        {"list.txt": "ref/img0.png\nref/img1.png\n"},
+        "train list.txt -o list.txt",
+        "list.txt: is also an input, which would be replaced",
+    ),
+    ({}, "train ref -o quick.toml --config quick.toml", "quick.toml: is also an input"),
+    ({}, "query m.lvpr query -o m.lvpr", "m.lvpr: is also an input, which would be replaced"),
+    ({}, "query m.lvpr query -o query/img3.png", "query/img3.png: is also an input"),
+    ({}, "eval m.lvpr query --json m.lvpr", "m.lvpr: is also an input, which would be replaced"),
+    ({"bad.toml": "preset = 'loihi'\n"}, "train ref -o n.lvpr --preset paper --config bad.toml", "give one of them"),
+    (
+        {"bad.toml": "preset = 'paper'\n[learning]\ntau_theta_ms = inf\n"},
+        "train ref -o n.lvpr --config bad.toml",
+        "learning.tau_theta_ms is inf",
+    ),
+    ({}, "train ref -o n.lvpr --neurons 100000 --stretch 1", "a model of 6 places and 600,000 neurons takes"),
+    ({}, "eval m.lvpr query --gt none.txt", "none.txt: "),
+    ({"gt.txt": "0: 1\n1: two\n"}, "eval m.lvpr query --gt gt.txt", "gt.txt line 2: 'two' is no index"),
+    ({"gt.json": '{"900": [1]}'}, "eval m.lvpr query --gt gt.json", "gt.json: "),
+    ({}, "eval m.lvpr query --gt quick.toml", "quick.toml: is no known type of ground truth"),
+    ({}, "eval m.lvpr query --positions a.csv b.csv --radius 5", "a.csv: "),
+    ({"q.csv": "x,y\n0,0\n1,0\n"}, "eval m.lvpr query --positions xy.csv q.csv --radius 5", "q.csv: has 2 positions"),
+    (
+        {"q.csv": "x,y\n0,0\n1,nan\n2,0\n3,0\n4,0\n5,0\n"},
+        "eval m.lvpr query --positions xy.csv q.csv --radius 5",
+        "q.csv line 3: y is 'nan'",
+    ),
+    ({}, "eval m.lvpr query --descriptors a.npy b.npy", "a.npy: cannot be read"),
+    (
+        {"r.npy": saved(np.save, np.ones((6, 4))), "q.npy": saved(np.save, np.full((6, 4), np.nan))},
+        "eval m.lvpr query --descriptors r.npy q.npy",
+        "q.npy: row 0 holds NaN",
+    ),
+    (
+        {"r.npy": saved(np.save, np.ones((5, 4))), "q.npy": saved(np.save, np.ones((6, 4)))},
+        "eval m.lvpr query --descriptors r.npy q.npy",
+        "r.npy: has 5 rows for 6 images",
+    ),
+    (
+        {"r.npy": saved(np.save, np.array([{"a": 1}], dtype=object)), "q.npy": saved(np.save, np.ones((6, 4)))},
         "eval m.lvpr query --descriptors r.npy q.npy",
         "r.npy: is no array of numbers (but of pickled objects)",
     ),
-    (nothing, "eval m.lvpr query --sequence 9", "sequence length 9 exceeds the 6 queries"),
-    (nothing, "eval m.lvpr query --json no/such.json", "no/such.json: the folder no does not exist"),
-    (file_in_the_way, "eval m.lvpr query --report out", "out: is a file; name a folder"),
-    (nothing, "query m.lvpr none -o q.csv", "none: cannot be opened"),
-    (nothing, "query m.lvpr query -o ref", "ref: is a folder; name a file"),
-    (nothing, "query m.lvpr query -o q.csv --places 4:9", "query: has 6 images; places 4:9 go beyond"),
-    (nothing, "query m.lvpr query -o q.csv --sequence 7", "query: has 6 images, fewer than --sequence 7"),
-    (someone_elses_folder, "synth out", "out: holds something else (thesis.tex)"),
-    (file_in_the_way, "synth out", "out: exists and is not a folder"),
-    (someone_elses_folder, "demo --out out", "out: holds something else (thesis.tex)"),
+    ({}, "eval m.lvpr query --sequence 9", "sequence length 9 exceeds the 6 queries"),
+    ({}, "eval m.lvpr query --json no/such.json", "no/such.json: the folder no does not exist"),
+    ({"out": "a file"}, "eval m.lvpr query --report out", "out: is a file; name a folder"),
+    ({}, "query m.lvpr none -o q.csv", "none: cannot be opened"),
+    ({}, "query m.lvpr query -o ref", "ref: is a folder; name a file"),
+    ({}, "query m.lvpr query -o q.csv --places 4:9", "query: has 6 images; places 4:9 go beyond"),
+    ({}, "query m.lvpr query -o q.csv --sequence 7", "query: has 6 images, fewer than --sequence 7"),
+    ({"out/thesis.tex": "years of work"}, "synth out", "out: holds something else (thesis.tex)"),
+    ({"out": "a file"}, "synth out", "out: exists and is not a folder"),
+    ({"out/thesis.tex": "years of work"}, "demo --out out", "out: holds something else (thesis.tex)"),
+    ({}, "bench none.lvpr query", "none.lvpr: the model cannot be read"),
+    ({"m.lvpr": None}, "bench m.lvpr query", "m.lvpr: "),
+    ({"b/host/responses.npy": "other"}, "bench b query", "host/responses.npy"),
+    ({"none/": ""}, "bench m.lvpr none", "none: "),
+    ({}, "bench m.lvpr query --places 4:99", "query: has 6 images; places 4:99 go beyond"),
+    ({}, "bench m.lvpr query --json m.lvpr", "m.lvpr: is also an input"),
+    ({}, "bench m.lvpr query --json query/img1.png", "img1.png: is also an input"),
+    ({}, "bench m.lvpr query --json no/b.json", "no/b.json: the folder no does not exist"),
+    ({"r": "a file"}, "bench m.lvpr query --report r", "r: is a file; name a folder"),
+    ({}, "bench m.lvpr query --backend kapoho-bay", "NxSDK"),
+    ({}, "fit none.lvpr --target loihi2", "none.lvpr: the model cannot be read (No such file or directory)"),
+    ({}, "fit m.lvpr --target loihi2 --json m.lvpr", "m.lvpr: is also an input, which would be replaced"),
+    ({}, "fit m.lvpr --target loihi2 --picture no/p.svg", "no/p.svg: the folder no does not exist"),
+    ({}, f"{DEPLOY}/d", "c/d: the folder "),
+    ({"c/thesis.tex": "years of work"}, DEPLOY, "c: "),
+    ({"c": "a file"}, DEPLOY, "c: is no folder, and a bundle is one"),
+    ({}, f"{DEPLOY} --weight-bits 8", "network.weight_bits is 8, but must be in [1, 7]"),
+    ({}, f"{DEPLOY} --calibrate none", "none: cannot be opened"),
+    ({}, f"{DEPLOY} --calibrate query --places 4:99", "query: has 6 images; places 4:99 go beyond"),
+    ({}, f"{DEPLOY} --calibrate query --weight-bits 8 --max-loss 0.1", "network.weight_bits is 8, but must be"),
+    ({}, f"{DEPLOY} --calibrate query --json query/img1.png", "img1.png: is also an input"),
 ]
+"""Files that are written first (None: cut to the half), the command, and what it says."""
 
 
-@pytest.mark.parametrize(("prepare", "command", "message"), DATA, ids=[f"{p.__name__}: {c}" for p, c, _ in DATA])
-def test_bad_data_is_told_in_one_line(prepare: Callable[[Path], None], command: str, message: str, here: Path) -> None:
-    prepare(here)
-    before = {p: p.read_bytes() for p in here.rglob("*") if p.is_file()}
-    result = run(*command.split())
-    assert result.exit_code == 1, result.output
-    assert result.stdout == ""
-    lines = result.stderr.strip().splitlines()
-    assert len(lines) == 1, result.stderr
-    assert lines[0].startswith("lava-vpr: error: ")
-    assert message in lines[0], lines[0]
-    # Nothing that existed is lost, and nothing half-made is left.
-    assert {p: p.read_bytes() for p in here.rglob("*") if p.is_file()} == before
+@pytest.mark.parametrize(("files", "command", "message"), DATA)
+def test_bad_data_is_told_in_one_line(
+    files: dict[str, bytes | str | None], command: str, message: str, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never(*_: object, **__: object) -> None:
+        raise RuntimeError("work was done before the error was found")
+
+    monkeypatch.setattr("lava_vpr.bench.run.run", never)
+    for name, text in files.items():
+        if name.endswith("/"):
+            Path(name).mkdir()
+            continue
+        data = Path(name).read_bytes() if text is None else text.encode() if isinstance(text, str) else text
+        written(Path(name), data[: len(data) // 2] if text is None else data)
+    before = content(place)
+    assert message.lower() in fails(*command.split()).lower()
+    assert content(place) == before  # nothing that existed is lost, and nothing half-made is left
 
 
 USAGE = [
@@ -317,12 +226,63 @@ USAGE = [
     ("query m.lvpr query -o q.csv --min-confidence nan", "--min-confidence is not a number"),
     ("query m.lvpr query -o q.csv --min-confidence high", "'high' is not a valid float"),
     ("synth out --places 1", "1 is not in the range"),
+    ("bench m.lvpr", "Missing argument 'QUERY'"),
+    ("bench m.lvpr query --target loihi1", "'loihi1' is not one of"),
+    ("bench m.lvpr query --backend cpu", "'cpu' is not one of"),
+    ("bench m.lvpr query --limit 0", "0 is not in the range x>=1"),
+    ("bench m.lvpr query --places 4:2", "holds no place"),
+    ("fit m.lvpr", "Missing option '--target'"),
+    ("fit m.lvpr --target loihi1", "'loihi1' is not one of 'kapoho-bay', 'loihi2'"),
+    ("fit m.lvpr --target loihi2 --neurons-per-place 2", "--neurons-per-place is for fit without MODEL"),
+    ("fit m.lvpr --target loihi2 --views 3", "--views is for fit without MODEL"),
+    ("fit --target loihi2 --picture p.svg", "--picture draws the cores of a model; give MODEL"),
+    ("fit --target loihi2 --weight-bits 9", "9 is not in the range 1<=x<=8"),
+    ("fit --target loihi2 --input-mode spikes", "'spikes' is not one of 'injected', 'bias'"),
+    ("deploy m.lvpr --target loihi2", "Missing option '-o'"),
+    ("deploy m.lvpr -o c", "Missing option '--target'"),
+    ("deploy m.lvpr --target loihi2 -o c --max-loss 0.1", "--max-loss needs --calibrate QUERY"),
+    ("deploy m.lvpr --target loihi2 -o c --places 0:4", "--places chooses among the images of --calibrate QUERY"),
+    ("deploy m.lvpr --target kapoho-bay -o c --learning", "--learning needs --target loihi2: the network that learns"),
+    ("deploy m.lvpr --target loihi2 -o c --prune 1", "1.0 is not in the range 0<=x<1"),
+    ("deploy m.lvpr --target loihi2 -o c --calibrate query --max-loss 2", "2.0 is not in the range 0<=x<=1"),
+    ("deploy m.lvpr --target loihi2 -o c --prune nan", "--prune is not a number"),
+    ("deploy m.lvpr --target loihi2 -o c --calibrate query --max-loss nan", "--max-loss is not a number"),
 ]
 
 
-@pytest.mark.parametrize(("command", "message"), USAGE, ids=[c[:80] for c, _ in USAGE])
-def test_wrong_usage_exits_with_2(command: str, message: str, here: Path) -> None:
-    result = run(*command.split())
-    assert result.exit_code == 2, result.output
-    assert message in " ".join(result.output.split()), result.output
-    assert "Traceback" not in result.output
+@pytest.mark.parametrize(("command", "message"), USAGE, ids=[command[:80] for command, _ in USAGE])
+def test_wrong_usage_exits_with_2(command: str, message: str, place: Path) -> None:
+    before = content(place)
+    assert message in " ".join(fails(*command.split(), code=2).split())
+    assert content(place) == before
+
+
+def test_a_pattern_of_images_is_no_list_of_traverses(here: Path) -> None:
+    images = sorted(Path("reference").iterdir())
+    text = fails("train", *images, "-o", "new.lvpr", "--config", "quick.toml")
+    assert text == (
+        f"{images[0]}: is one of 8 references, but a single image; give the folder reference instead "
+        "of the images in it, or a list of them"
+    )
+    fails("train", "reference", images[0], "-o", "new.lvpr", "--config", "quick.toml")
+    assert not Path("new.lvpr").exists()
+
+
+@pytest.mark.parametrize("command", ["query", "eval", "bench", "verify"])
+def test_a_pattern_of_query_images_is_told_to_be_their_folder(here: Path, command: str) -> None:
+    images = sorted(map(str, Path("query").iterdir()))
+    output = ["-o", "q.csv"] if command == "query" else []
+    result = CliRunner().invoke(main, [command, "m.lvpr", *images, *output])
+    assert result.exit_code == 2
+    why = (
+        f"Error: {images[1]!r} is one argument too many (7 are); give the folder instead of the images in it, or a list"
+    )
+    assert why in result.stderr, result.stderr
+
+
+def test_names_that_hold_line_ends_come_back_from_the_answers(here: Path) -> None:
+    names = ["a\rb.png", "a\nb.png", "a\r\nb.png"]
+    Path("odd").mkdir()
+    for name in names:
+        os.symlink(Path("query/place_00000.png").resolve(), Path("odd") / name)
+    assert {row["query_name"] for row in matches("odd")} == set(names)

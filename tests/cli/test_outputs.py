@@ -5,48 +5,16 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
-from support.common.commands import run
-from support.common.imagefiles import write_images
+from support.common.commands import content, fails, run
 
-from lava_vpr.cli import main
 from lava_vpr.synthetic.world import write_traverses
 
 LONG = "n" * 250
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Images of six places, their model ``m.lvpr`` and its bundle ``b``; tests work on copies."""
-    root = tmp_path_factory.mktemp("made")
-    write_images(root / "ref", 6)
-    write_images(root / "query", 6)
-    (root / "quick.toml").write_text("[network]\nsteps = 32\n[learning]\nsteps = 40\nepochs = 2\n")
-    run("train", root / "ref", "-o", root / "m.lvpr", "--config", root / "quick.toml")
-    run("deploy", root / "m.lvpr", "--target", "loihi2", "-o", root / "b")
-    (root / "list.txt").write_text("".join(f"query/img{k}.png\n" for k in range(6)))
-    (root / "gt.txt").write_text("".join(f"{k}: {k}\n" for k in range(6)))
-    (root / "xy.csv").write_text("x,y\n" + "".join(f"{k},0\n" for k in range(6)))
-    return root
-
-
-@pytest.fixture
-def place(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    shutil.copytree(made, tmp_path / "w")
-    monkeypatch.chdir(tmp_path / "w")
-    return tmp_path / "w"
-
-
-def content(folder: Path) -> dict[Path, tuple[int, bytes]]:
-    """Mode and bytes of every file below ``folder``, hidden ones too, and the modes of folders."""
-    return {path: (path.lstat().st_mode, path.read_bytes() if path.is_file() else b"") for path in folder.rglob("*")}
-
-
-def nothing() -> None:
-    pass
+LOCK = ".n.lvpr.lock"
 
 
 def hard_links() -> None:
@@ -84,31 +52,7 @@ def in_the_way() -> None:
 
 def lock_is_a_link() -> None:
     Path("thesis.tex").write_text("years of work")
-    os.symlink("thesis.tex", ".n.lvpr.lock")
-
-
-def lock_dangles() -> None:
-    os.symlink("nowhere", ".n.lvpr.lock")
-
-
-def lock_holds_data() -> None:
-    Path(".n.lvpr.lock").write_text("years of work")
-
-
-def lock_is_a_pipe() -> None:
-    os.mkfifo(".n.lvpr.lock")
-
-
-def lock_is_a_folder() -> None:
-    Path(".n.lvpr.lock").mkdir()
-
-
-def read_only_bundle() -> None:
-    Path("b").chmod(0o555)
-
-
-def read_only_in_bundle() -> None:
-    Path("b/mapping.json").chmod(0o444)
+    os.symlink("thesis.tex", LOCK)
 
 
 def read_only_image() -> None:
@@ -135,53 +79,56 @@ TWICE = "is named for two outputs; name another for one of them"
 IMAGE = "would be one more image in query, which is read; name it otherwise"
 CLOSED = "cannot be written (the file there is read-only); make it writable or name another"
 PROTECTED = "is read-only and would be replaced; make it writable"
-REFUSED = [
-    (nothing, "query b query -o b/manifest.json", f"b/manifest.json: {IN_BUNDLE}"),
-    (nothing, "query b query -o b/matches.csv", f"b/matches.csv: {IN_BUNDLE}"),
-    (nothing, "query b query -o ref/../b/host/new/q.csv", f"ref/../b/host/new/q.csv: {IN_BUNDLE}"),
+LOCKED = f"n.lvpr: cannot be locked ({LOCK} beside it: "
+NEW = f"{TRAIN} -o n.lvpr"
+TO_LOIHI = "deploy m.lvpr --target loihi2 -o b"
+REFUSED: list[tuple[Callable[[], object] | None, str, str]] = [
+    (None, "query b query -o b/manifest.json", f"b/manifest.json: {IN_BUNDLE}"),
+    (None, "query b query -o b/matches.csv", f"b/matches.csv: {IN_BUNDLE}"),
+    (None, "query b query -o ref/../b/host/new/q.csv", f"ref/../b/host/new/q.csv: {IN_BUNDLE}"),
     (links, "query b query -o c/q.csv", f"c/q.csv: {IN_BUNDLE}"),
     (links, "query c query -o b/q.csv", "b/q.csv: would stand in the bundle c, which"),
-    (nothing, "eval b query --json b/host/references.lvpr", f"b/host/references.lvpr: {IN_BUNDLE}"),
-    (nothing, "eval b query --report b", f"b/report.html: {IN_BUNDLE}"),
-    (nothing, "eval b query --report b/host/page", f"b/host/page/report.html: {IN_BUNDLE}"),
-    (nothing, "bench b query --json b/mapping.json", f"b/mapping.json: {IN_BUNDLE}"),
-    (nothing, "bench b query --report b", f"b/bench.html: {IN_BUNDLE}"),
-    (nothing, "verify b query --json b/manifest.json", f"b/manifest.json: {IN_BUNDLE}"),
-    (nothing, "fit b --target loihi2 --json b/mapping.json", f"b/mapping.json: {IN_BUNDLE}"),
-    (nothing, "fit b --target loihi2 --picture b/mapping.svg", f"b/mapping.svg: {IN_BUNDLE}"),
-    (nothing, f"{DEPLOY} -o x --json b/f.json", f"b/f.json: {IN_BUNDLE}"),
-    (nothing, f"{DEPLOY} -o b", "b: is also the model, which would be replaced; name another place"),
-    (nothing, f"{DEPLOY} -o b/c", f"b/c: {IN_BUNDLE}"),
-    (nothing, f"{DEPLOY} -o x --json x/f.json", "x/f.json: would stand in the bundle x, which holds its own files"),
-    (nothing, f"{DEPLOY} -o x --json x", f"x: {TWICE}"),
+    (None, "eval b query --json b/host/references.lvpr", f"b/host/references.lvpr: {IN_BUNDLE}"),
+    (None, "eval b query --report b", f"b/report.html: {IN_BUNDLE}"),
+    (None, "eval b query --report b/host/page", f"b/host/page/report.html: {IN_BUNDLE}"),
+    (None, "bench b query --json b/mapping.json", f"b/mapping.json: {IN_BUNDLE}"),
+    (None, "bench b query --report b", f"b/bench.html: {IN_BUNDLE}"),
+    (None, "verify b query --json b/manifest.json", f"b/manifest.json: {IN_BUNDLE}"),
+    (None, "fit b --target loihi2 --json b/mapping.json", f"b/mapping.json: {IN_BUNDLE}"),
+    (None, "fit b --target loihi2 --picture b/mapping.svg", f"b/mapping.svg: {IN_BUNDLE}"),
+    (None, f"{DEPLOY} -o x --json b/f.json", f"b/f.json: {IN_BUNDLE}"),
+    (None, f"{DEPLOY} -o b", "b: is also the model, which would be replaced; name another place"),
+    (None, f"{DEPLOY} -o b/c", f"b/c: {IN_BUNDLE}"),
+    (None, f"{DEPLOY} -o x --json x/f.json", "x/f.json: would stand in the bundle x, which holds its own files"),
+    (None, f"{DEPLOY} -o x --json x", f"x: {TWICE}"),
     (hard_links, "query m.lvpr query -o q.csv", f"q.csv: {INPUT}"),
     (hard_links, "eval m.lvpr query --json q.json", f"q.json: {INPUT}"),
     (links, "query m.lvpr query -o q.csv", f"q.csv: {INPUT}"),
-    (nothing, "query m.lvpr list.txt -o query/img5.png --places 0:2", f"query/img5.png: {INPUT}"),
-    (nothing, f"{TRAIN} query -o query/img3.png --places 0:2", f"query/img3.png: {INPUT}"),
-    (nothing, "eval m.lvpr query --gt gt.txt --json gt.txt", f"gt.txt: {INPUT}"),
-    (nothing, "eval m.lvpr query --positions xy.csv xy.csv --radius 1 --json ./xy.csv", f"xy.csv: {INPUT}"),
-    (nothing, "eval m.lvpr query --descriptors xy.csv gt.txt --json gt.txt", f"gt.txt: {INPUT}"),
-    (nothing, "verify m.lvpr query --json query/img0.png", f"query/img0.png: {INPUT}"),
+    (None, "query m.lvpr list.txt -o query/img5.png --places 0:2", f"query/img5.png: {INPUT}"),
+    (None, f"{TRAIN} query -o query/img3.png --places 0:2", f"query/img3.png: {INPUT}"),
+    (None, "eval m.lvpr query --gt gt.txt --json gt.txt", f"gt.txt: {INPUT}"),
+    (None, "eval m.lvpr query --positions xy.csv xy.csv --radius 1 --json ./xy.csv", f"xy.csv: {INPUT}"),
+    (None, "eval m.lvpr query --descriptors xy.csv gt.txt --json gt.txt", f"gt.txt: {INPUT}"),
+    (None, "verify m.lvpr query --json query/img0.png", f"query/img0.png: {INPUT}"),
     (report_folder, "eval r/report.html query --report r", f"r/report.html: {INPUT}"),
     (report_folder, "bench m.lvpr r/bench.html --report r", f"r/bench.html: {INPUT}"),
-    (nothing, "query m.lvpr query -o query/new.JPG", f"query/new.JPG: {IMAGE}"),
-    (nothing, "query m.lvpr query -o ref/../query/new.png", f"ref/../query/new.png: {IMAGE}"),
+    (None, "query m.lvpr query -o query/new.JPG", f"query/new.JPG: {IMAGE}"),
+    (None, "query m.lvpr query -o ref/../query/new.png", f"ref/../query/new.png: {IMAGE}"),
     (links, "query m.lvpr query -o images/new.png", f"images/new.png: {IMAGE}"),
-    (nothing, f"{TRAIN} query -o query/model.png", f"query/model.png: {IMAGE}"),
+    (None, f"{TRAIN} query -o query/model.png", f"query/model.png: {IMAGE}"),
     (report_folder, "eval m.lvpr query --json r/report.html --report r", f"r/report.html: {TWICE}"),
     (
-        nothing,
+        None,
         "eval m.lvpr query --json new --report new",
         "new/report.html: would stand in new, which is to be a file",
     ),
     (
-        nothing,
+        None,
         "bench m.lvpr query --json new --report new",
         "new/bench.html: would stand in new, which is to be a file",
     ),
-    (nothing, f"{FIT} --json x.svg --picture ref/../x.svg", f"x.svg: {TWICE}"),
-    (nothing, f"{TRAIN} -o n.lvpr --config n.lvpr.checkpoint", "n.lvpr.checkpoint: "),
+    (None, f"{FIT} --json x.svg --picture ref/../x.svg", f"x.svg: {TWICE}"),
+    (None, f"{TRAIN} -o n.lvpr --config n.lvpr.checkpoint", "n.lvpr.checkpoint: "),
     (read_only, "query m.lvpr query -o q.csv", f"q.csv: {CLOSED}"),
     (read_only, "eval m.lvpr query --json q.json", f"q.json: {CLOSED}"),
     (read_only, "eval m.lvpr query --report r", f"r/report.html: {CLOSED}"),
@@ -190,34 +137,43 @@ REFUSED = [
     (in_the_way, "eval m.lvpr query --report file/deep/er", "file: is a file; name a folder"),
     (in_the_way, "demo --out d", "d/report/report.html: is a folder; name a file"),
     (in_the_way, "query m.lvpr query -o pipe", "pipe: cannot be written (is a folder, device or pipe, not a file)"),
-    (read_only_bundle, "deploy m.lvpr --target loihi2 -o b", f"b: {PROTECTED} or name another folder"),
-    (read_only_in_bundle, "deploy m.lvpr --target loihi2 -o b", f"b/mapping.json: {PROTECTED} or name another folder"),
+    (partial(os.chmod, "b", 0o555), TO_LOIHI, f"b: {PROTECTED} or name another folder"),
+    (
+        partial(os.chmod, "b/mapping.json", 0o444),
+        "deploy m.lvpr --target loihi2 -o b",
+        f"b/mapping.json: {PROTECTED} or name another folder",
+    ),
     (read_only_image, "synth s --places 2", f"s/query/place_00001.png: {PROTECTED} or choose another folder"),
     (read_only_folder, "synth s --places 3", f"s/reference: {PROTECTED} or choose another folder"),
     (in_the_way, "query m.lvpr query -o dangling", "/no does not exist; create it first"),
     (in_the_way, "query m.lvpr query -o loop", "loop: cannot be written (Too many levels of symbolic links); name"),
-    (lock_is_a_folder, f"{TRAIN} -o n.lvpr", "(.n.lvpr.lock beside it: Is a directory); remove that or choose"),
+    (partial(os.mkdir, LOCK), f"{TRAIN} -o n.lvpr", "(.n.lvpr.lock beside it: Is a directory); remove that or choose"),
     (own_model, "demo --out d", "d: holds something else (model.lvpr); choose a new or an empty folder"),
-    (nothing, f"query m.lvpr query -o {LONG}{LONG}", f"{LONG[:200]}: cannot be written (File name too long); name"),
-    (nothing, f"{TRAIN} -o {LONG}", f"{LONG}.checkpoint: cannot be written (File name too long); name another"),
-    (lock_is_a_link, f"{TRAIN} -o n.lvpr", "n.lvpr: cannot be locked (.n.lvpr.lock beside it: a symbolic link, not a"),
-    (lock_dangles, f"{TRAIN} -o n.lvpr", "n.lvpr: cannot be locked (.n.lvpr.lock beside it: a symbolic link, not a"),
-    (lock_holds_data, f"{TRAIN} -o n.lvpr", "n.lvpr: cannot be locked (.n.lvpr.lock beside it: data, not a lock)"),
-    (lock_is_a_pipe, f"{TRAIN} -o n.lvpr", "n.lvpr: cannot be locked (.n.lvpr.lock beside it: not a file)"),
+    (None, f"query m.lvpr query -o {LONG}{LONG}", f"{LONG[:200]}: cannot be written (File name too long); name"),
+    (None, f"{TRAIN} -o {LONG}", f"{LONG}.checkpoint: cannot be written (File name too long); name another"),
+    (lock_is_a_link, NEW, f"{LOCKED}a symbolic link, not a"),
+    (
+        partial(os.symlink, "nowhere", LOCK),
+        f"{TRAIN} -o n.lvpr",
+        "n.lvpr: cannot be locked (.n.lvpr.lock beside it: a symbolic link, not a",
+    ),
+    (
+        partial(Path(LOCK).write_text, "years of work"),
+        f"{TRAIN} -o n.lvpr",
+        "n.lvpr: cannot be locked (.n.lvpr.lock beside it: data, not a lock)",
+    ),
+    (partial(os.mkfifo, LOCK), NEW, f"{LOCKED}not a file)"),
 ]
 
 
-@pytest.mark.parametrize(("prepare", "command", "message"), REFUSED, ids=[f"{p.__name__}: {c}" for p, c, _ in REFUSED])
+@pytest.mark.parametrize(("prepare", "command", "message"), REFUSED, ids=[command[:80] for _, command, _ in REFUSED])
 def test_an_output_in_the_way_is_refused(
-    prepare: Callable[[], None], command: str, message: str, place: Path, tmp_path: Path
+    prepare: Callable[[], object] | None, command: str, message: str, place: Path, tmp_path: Path
 ) -> None:
-    prepare()
+    if prepare is not None:
+        prepare()
     before = content(place)
-    result = CliRunner().invoke(main, command.split())
-    assert (result.exit_code, result.stdout) == (1, ""), result.output
-    (line,) = result.stderr.splitlines()
-    assert line.startswith("lava-vpr: error: ")
-    assert message in line
+    assert message in fails(*command.split())
     assert content(tmp_path / "w") == before
 
 
@@ -273,20 +229,20 @@ def test_folders_of_results_may_have_long_names(place: Path) -> None:
 
 
 def test_a_lock_that_a_killed_training_left_locks_nobody_out(place: Path) -> None:
-    Path(".n.lvpr.lock").touch()
+    Path(LOCK).touch()
     run("train", "ref", "-o", "n.lvpr", "--config", "quick.toml")
-    assert not Path(".n.lvpr.lock").exists()
+    assert not Path(LOCK).exists()
 
 
 def test_a_pipe_that_has_no_name_is_no_file(place: Path) -> None:
     """As ``-o /dev/stdout`` in a pipe; the link there leads nowhere."""
     reader, writer = os.pipe()
     try:
-        result = CliRunner().invoke(main, ["query", "m.lvpr", "none", "-o", f"/proc/self/fd/{writer}"])
+        said = fails("query", "m.lvpr", "none", "-o", f"/proc/self/fd/{writer}")
     finally:
         os.close(reader)
         os.close(writer)
-    assert "cannot be written (is a folder, device or pipe, not a file); name another" in result.stderr
+    assert "cannot be written (is a folder, device or pipe, not a file); name another" in said
 
 
 @pytest.mark.parametrize(
@@ -301,6 +257,6 @@ def test_folders_of_others_are_not_replaced(
     access = os.access
     monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != (place / closed) and access(path, mode))
     monkeypatch.chdir(place)
-    result = CliRunner().invoke(main, command.replace(" b", f" {place}/b").replace(" s ", f" {place}/s ").split())
-    assert f"{closed}: is read-only and would be replaced; make it writable or" in result.stderr
+    said = fails(*command.replace(" b", f" {place}/b").replace(" s ", f" {place}/s ").split())
+    assert f"{closed}: is read-only and would be replaced; make it writable or" in said
     assert content(place) == before

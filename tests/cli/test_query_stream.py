@@ -14,15 +14,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from click.testing import CliRunner
-from support.common.commands import images, listed, matches, run
+from support.common.commands import fails, images, listed, matches, run
 
 from lava_vpr import model as model_file
 from lava_vpr import recognition
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.opening import calibration_of
 from lava_vpr.backends.registry import BACKENDS
-from lava_vpr.cli import main
 from lava_vpr.cli.outputs import text_writer
 from lava_vpr.encoding import encode_traverse
 from lava_vpr.errors import InputError
@@ -175,22 +173,13 @@ def kept(many: str) -> Iterator[None]:
     assert sorted(os.listdir()) == before
 
 
-def failed(*words: object) -> str:
-    """The line that a command prints, which must fail."""
-    result = CliRunner().invoke(main, [str(word) for word in words])
-    assert result.exit_code == 1, result.output
-    assert not result.stdout
-    (line,) = result.stderr.splitlines()
-    return line
-
-
 def test_an_image_late_in_the_list_that_cannot_be_read(many: str, few_at_a_time: None, here: Path) -> None:
     Path("damaged.png").write_bytes(images("query")[0].read_bytes()[:-40])
     with Path(many).open("a") as file:
         file.write("damaged.png\n")
     Path("q.csv").write_text("mine\n")
     before = sorted(os.listdir())
-    assert failed("query", "m.lvpr", many, "-o", "q.csv").startswith("lava-vpr: error: damaged.png: ")
+    assert fails("query", "m.lvpr", many, "-o", "q.csv").startswith("damaged.png: ")
     assert Path("q.csv").read_text() == "mine\n"
     assert sorted(os.listdir()) == before
 
@@ -199,10 +188,10 @@ def test_a_disk_that_is_full_in_the_middle(many: str, few_at_a_time: None, kept:
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (500, limits[1]))
     try:
-        line = failed("query", "m.lvpr", many, "-o", "q.csv")
+        line = fails("query", "m.lvpr", many, "-o", "q.csv")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert line == "lava-vpr: error: q.csv: cannot be written (File too large); free space or choose another place"
+    assert line == "q.csv: cannot be written (File too large); free space or choose another place"
 
 
 def test_a_text_has_no_name_until_it_is_whole(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ import pytest
 from click.testing import CliRunner, Result
 from support.common import children
 from support.common.bags import START, bag, frames
-from support.common.commands import images, matches, run
+from support.common.commands import fails, images, matches, run
 from support.common.imagefiles import video
 
 from lava_vpr import Localizer
@@ -269,9 +269,8 @@ def test_a_model_is_trained_from_a_bag(here: Path) -> None:
 
 def test_no_output_replaces_a_file_of_a_bag(here: Path) -> None:
     bag(Path("drive"), frames(map(read_image, images("query"))))
-    result = CliRunner().invoke(main, ["query", "m.lvpr", "drive", "-o", "drive/metadata.yaml"])
-    assert result.exit_code == 1
-    assert "drive/metadata.yaml: is also an input" in result.stderr
+    said = fails("query", "m.lvpr", "drive", "-o", "drive/metadata.yaml")
+    assert "drive/metadata.yaml: is also an input" in said
 
 
 def test_a_bag_of_several_topics_asks_for_one(here: Path) -> None:

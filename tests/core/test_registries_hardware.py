@@ -10,14 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from numpy.typing import NDArray
-from support.common.commands import PLACES, figures, run
+from support.common.commands import PLACES, fails, figures, run
 
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import BackendRow, Presentations
 from lava_vpr.backends.registry import BACKENDS
-from lava_vpr.cli import main
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY, Board
 from lava_vpr.deploy.bundle import targets
@@ -63,13 +61,6 @@ def board() -> Iterator[None]:
     BOARDS.remove("dummy")
 
 
-def refused(*words: object) -> str:
-    """What a command says that is used wrongly."""
-    result = CliRunner().invoke(main, [str(word) for word in words])
-    assert result.exit_code == 2, result.output
-    return result.stderr
-
-
 @pytest.mark.usefixtures("here", "backend")
 def test_commands_use_a_new_backend() -> None:
     assert figures("query", "--backend", "dummy") == figures("query")
@@ -84,7 +75,9 @@ def test_commands_use_a_new_backend() -> None:
 
 @pytest.mark.usefixtures("here")
 def test_a_backend_that_was_removed_is_unknown() -> None:
-    assert "'dummy' is not one of 'host', 'lava-fixed'" in refused("eval", "m.lvpr", "query", "--backend", "dummy")
+    assert "'dummy' is not one of 'host', 'lava-fixed'" in fails(
+        "eval", "m.lvpr", "query", "--backend", "dummy", code=2
+    )
     with pytest.raises(BackendUnavailableError, match=r"^there is no backend 'dummy'; choose from host, lava-fixed"):
         BACKENDS["dummy"]
 
@@ -106,7 +99,7 @@ def test_commands_use_a_new_board() -> None:
 
 @pytest.mark.usefixtures("here")
 def test_a_board_that_was_removed_is_unknown() -> None:
-    assert "'dummy' is not one of 'kapoho-bay', 'loihi2'" in refused("fit", "m.lvpr", "--target", "dummy")
+    assert "'dummy' is not one of 'kapoho-bay', 'loihi2'" in fails("fit", "m.lvpr", "--target", "dummy", code=2)
 
 
 def test_a_board_without_a_target_is_refused() -> None:

@@ -10,12 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from support.common import children
-from support.common.commands import run
+from support.common.commands import fails, run
 from support.common.eventfiles import EVENT, Made, aedat4, dsec, made
 
-from lava_vpr.cli import main
 from lava_vpr.events.files import open_events
 from lava_vpr.learning.route import train
 from lava_vpr.localizer import Localizer
@@ -124,24 +122,16 @@ def test_equal_seeds_write_equal_files_and_npz_holds_the_same_events(there: Path
         assert Path("w", table).read_bytes() == Path("again", table).read_bytes()
 
 
-def error(*words: object, code: int = 1) -> str:
-    """What a command that must fail says, in one line."""
-    result = CliRunner().invoke(main, [str(word) for word in words])
-    assert result.exit_code == code, result.output
-    assert code == 2 or result.stderr.count("\n") == 1, result.stderr
-    return result.stderr
-
-
 def test_what_cannot_be_is_told_in_one_line(there: Path) -> None:
     train_it = ("train", "-o", "n.lvpr")
-    assert "both say how long" in error(*train_it, "w/query_events.h5", "--window-ms", 5, "--window-events", 5, code=2)
+    assert "both say how long" in fails(*train_it, "w/query_events.h5", "--window-ms", 5, "--window-events", 5, code=2)
     events = made()
     back = dsec(there / "back.h5", events._replace(t=events.t[::-1]))
-    assert "back.h5: event 1 goes back" in error(*train_it, back)
+    assert "back.h5: event 1 goes back" in fails(*train_it, back)
     short = aedat4(there / "short.aedat4", Made(*(values[:9] for values in events[:4]), events.size))
-    assert "shorter than half a window" in error(*train_it, short, "--window-events", 1000)
+    assert "shorter than half a window" in fails(*train_it, short, "--window-events", 1000)
     (there / "cut.h5").write_bytes((there / "w/query_events.h5").read_bytes()[:5000])
-    assert "cut.h5" in error("query", "m.lvpr", "cut.h5")
+    assert "cut.h5" in fails("query", "m.lvpr", "cut.h5")
     assert not Path("n.lvpr").exists()
 
 
@@ -152,7 +142,7 @@ def test_an_earlier_drive_is_replaced_and_nothing_else(tmp_path: Path) -> None:
         "query_events.h5", "query_positions.csv", "reference_events.h5", "reference_positions.csv",
     ]  # fmt: skip
     (tmp_path / "w" / "mine.txt").write_text("mine")
-    assert "holds something else (mine.txt)" in error("synth", tmp_path / "w", "--places", 2, "--events")
+    assert "holds something else (mine.txt)" in fails("synth", tmp_path / "w", "--places", 2, "--events")
 
 
 def test_events_on_standard_input_are_watched(there: Path) -> None:

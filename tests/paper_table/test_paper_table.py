@@ -6,6 +6,7 @@ import csv
 import json
 import re
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from support.common.benchmarkfolders import draw, layout_of, short_sections
-from support.common.commands import run
+from support.common.commands import fails, run
 from support.common.daskcluster import DaskCluster
 
 from lava_vpr.cli import main
@@ -68,11 +69,8 @@ def rows(name: str) -> dict[tuple[str, str], dict[str, Any]]:
     return {(part["dataset"], row["method"]): row for part in values["datasets"] for row in part["rows"]}
 
 
-def error(*words: object, code: int = 1) -> str:
-    """What the command says when it must fail, on its last line."""
-    result = CliRunner().invoke(main, ["paper-table", *map(str, words)])
-    assert result.exit_code == code, result.output
-    return result.stderr.splitlines()[-1]
+refused = partial(fails, "paper-table")
+"""What the command says that must fail."""
 
 
 def test_the_printed_numbers_are_those_of_the_paper() -> None:
@@ -172,11 +170,11 @@ def test_descriptors_by_place_and_by_image(folder: Path) -> None:
     run("paper-table", *words, "--descriptors", "nordland=ref.npy,query.npy", "--json", "t.json")
     assert rows("t.json")["nordland", "netvlad"]["mean"] == dict.fromkeys(FIGURES, 1.0)
     np.save("ref.npy", ways)
-    said = error(*words, "--descriptors", "nordland=ref.npy,query.npy")
+    said = refused(*words, "--descriptors", "nordland=ref.npy,query.npy")
     assert "ref.npy: has 9 rows for 18 places, or 144 images; give one row for each, the reference traverses" in said
     np.save("query.npy", np.eye(9)[:, :4])
     np.save("ref.npy", np.concatenate([ways, ways]))
-    assert "elements; encode both alike" in error(*words, "--descriptors", "nordland=ref.npy,query.npy")
+    assert "elements; encode both alike" in refused(*words, "--descriptors", "nordland=ref.npy,query.npy")
 
 
 def test_an_interrupted_run_goes_on(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -260,31 +258,31 @@ def test_what_cannot_be_used_is_one_line(folder: Path) -> None:
     nordland(folder / "n")
     speds(folder / "s")
     dataset = ("--dataset", "nordland=n", *QUICK)
-    assert "names 3 files; it is of the form NAME=REF.npy,QUERY.npy" in error("--descriptors", "oxford=a,b,c", code=2)
-    assert "leave out --positions nordland=..." in error(*dataset, "--positions", "nordland=a.csv,b.csv,c.csv")
+    assert "names 3 files; it is of the form NAME=REF.npy,QUERY.npy" in refused("--descriptors", "oxford=a,b,c", code=2)
+    assert "leave out --positions nordland=..." in refused(*dataset, "--positions", "nordland=a.csv,b.csv,c.csv")
     (folder / "s" / "query" / "8.png").unlink()
-    assert "query: has 8 images, s/ref has 9: image k must show the same place in each" in error(
+    assert "query: has 8 images, s/ref has 9: image k must show the same place in each" in refused(
         "--traverses", "nordland=s/ref,s/query"
     )
-    assert "image k must show the same place in every traverse of spedtest" in error("--dataset", "spedtest=s")
+    assert "image k must show the same place in every traverse of spedtest" in refused("--dataset", "spedtest=s")
     for k in range(3, 9):
         (folder / "s" / "ref" / f"{k}.png").unlink()
         (folder / "s" / "query" / f"{k}.png").unlink(missing_ok=True)
-    assert "ref: gives 3 places, a section of SPEDTest has 4; complete the images" in error("--dataset", "spedtest=s")
+    assert "ref: gives 3 places, a section of SPEDTest has 4; complete the images" in refused("--dataset", "spedtest=s")
     bad = folder / "n" / "fall" / "40.png"
     bad.write_bytes(bad.read_bytes()[:50])
-    assert re.search(r"fall/40.png: .*", error(*dataset, "--keep", "kept"))
+    assert re.search(r"fall/40.png: .*", refused(*dataset, "--keep", "kept"))
     assert [path.name for path in Path("kept").iterdir()] == ["nordland-fast-01-seed-0.json"]
 
 
 def test_traverses_at_different_speeds_need_positions(folder: Path) -> None:
     tables = draw(folder / "o", layout_of("oxford", "2015-08-12-15-04-18"), 9)
     words = ("--dataset", "oxford=o", *QUICK)
-    said = error(*words)
+    said = refused(*words)
     assert "only positions tell which images of Oxford RobotCar show the same place" in said
     assert said.endswith("give --positions oxford=sun.csv,rain.csv,dusk.csv")
     two = ",".join(map(str, tables[:2]))
-    assert "is one of 2 files of positions for 3 traverses; give one for each" in error(
+    assert "is one of 2 files of positions for 3 traverses; give one for each" in refused(
         *words, "--positions", f"oxford={two}"
     )
     source = official("oxford", folder / "o", tables)

@@ -4,20 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from click.testing import CliRunner
-from support.common.commands import run
+from support.common.commands import fails, run
 from support.common.small_models import encoded, tiny_paper
 
-from lava_vpr.cli import main
 from lava_vpr.model import save
 from lava_vpr.training.loop import train
-
-
-def refused(*words: object, code: int = 1) -> str:
-    """The last line of a command that fails."""
-    result = CliRunner().invoke(main, [str(word) for word in words])
-    assert result.exit_code == code, result.output
-    return result.stderr.splitlines()[-1].removeprefix("lava-vpr: error: ")
 
 
 def test_there_and_back(here: Path) -> None:
@@ -32,7 +23,7 @@ def test_there_and_back(here: Path) -> None:
 
 def test_the_network_alone_answers_like_the_model_that_lends_it_references(here: Path) -> None:
     run("export", "m.lvpr", "-o", "net.h5", "--format", "nir", "--no-references", "--time-step", 0.001)
-    assert "give --like MODEL" in refused("import", "net.h5", "-o", "b.lvpr", "--format", "nir")
+    assert "give --like MODEL" in fails("import", "net.h5", "-o", "b.lvpr", "--format", "nir")
     run("train", "reference", "-o", "other.lvpr", "--config", "quick.toml", "--learning", "template")
     said = run("import", "net.h5", "-o", "b.lvpr", "--format", "nir", "--like", "other.lvpr")
     assert said.stderr == (
@@ -57,13 +48,13 @@ def test_a_bundle_is_exported_too(here: Path) -> None:
 
 
 def test_what_cannot_be_is_refused_before_any_work(here: Path) -> None:
-    assert refused("export", "m.lvpr", "-o", "net.xyz").startswith("net.xyz: no format has names that end so; name it ")
-    assert refused("import", "quick.toml", "-o", "n.lvpr", "--format", "nir") == (
+    assert fails("export", "m.lvpr", "-o", "net.xyz").startswith("net.xyz: no format has names that end so; name it ")
+    assert fails("import", "quick.toml", "-o", "n.lvpr", "--format", "nir") == (
         "quick.toml: is no HDF5 file, which a NIR graph is; give the right file"
     )
-    assert refused("import", "none.nir", "-o", "n.lvpr").startswith("none.nir: the NIR graph cannot be read (No such")
-    assert "is also an input" in refused("export", "m.lvpr", "-o", "m.lvpr", "--format", "nir")
-    assert "Invalid value for '--time-step'" in refused("export", "m.lvpr", "-o", "n.nir", "--time-step", 0, code=2)
+    assert fails("import", "none.nir", "-o", "n.lvpr").startswith("none.nir: the NIR graph cannot be read (No such")
+    assert "is also an input" in fails("export", "m.lvpr", "-o", "m.lvpr", "--format", "nir")
+    assert "Invalid value for '--time-step'" in fails("export", "m.lvpr", "-o", "n.nir", "--time-step", 0, code=2)
     save(train([encoded(4, 784)], tiny_paper()), here / "p.lvpr")
-    assert refused("export", "p.lvpr", "-o", "p.nir").startswith("p.lvpr: format nir needs an integer network, but")
+    assert fails("export", "p.lvpr", "-o", "p.nir").startswith("p.lvpr: format nir needs an integer network, but")
     assert not (here / "p.nir").exists()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from support.common.benchmarkfolders import draw, layout_of, short_sections
-from support.common.commands import run
+from support.common.commands import fails, run
 
 from lava_vpr import model as model_file
 from lava_vpr.cli import main
@@ -23,13 +23,6 @@ QUICK = ("--preset", "fast", "--epochs", "4")
 def four_places() -> Iterator[None]:
     with short_sections(4):
         yield
-
-
-def error(*words: object, code: int = 1) -> str:
-    """What a command that must fail says."""
-    result = CliRunner().invoke(main, [str(word) for word in words])
-    assert result.exit_code == code, result.output
-    return result.stderr.splitlines()[-1]
 
 
 def evaluated(*words: object) -> dict[str, object]:
@@ -57,7 +50,7 @@ def test_the_list_and_each_dataset(folder: Path) -> None:
         told = run("datasets", name).stdout
         for text in (row.page, row.download, row.unsaid, row.truth, *(part for x in row.layouts for part in x.folders)):
             assert text in told
-    assert "'kitti' is not one of 'nordland', 'oxford'" in error("datasets", "kitti", code=2)
+    assert "'kitti' is not one of 'nordland', 'oxford'" in fails("datasets", "kitti", code=2)
 
 
 def test_a_check_on_the_terminal(folder: Path) -> None:
@@ -71,7 +64,7 @@ def test_a_check_on_the_terminal(folder: Path) -> None:
     assert result.exit_code == 1
     assert "differs: image k must show the same place in every traverse of nordland, but" in result.stdout
     assert result.stdout.endswith("not usable\n")
-    assert "it needs the folders ref (missing) + query (missing)" in error("datasets", "spedtest", ".")
+    assert "it needs the folders ref (missing) + query (missing)" in fails("datasets", "spedtest", ".")
 
 
 def test_a_section_is_the_paper_s_sampled_places(folder: Path) -> None:
@@ -91,13 +84,13 @@ def test_a_section_is_the_paper_s_sampled_places(folder: Path) -> None:
     assert found == evaluated("two.lvpr", ".", "--dataset", "nordland") == evaluated("two.lvpr", "summer")
     assert found["queries"] == 4
     assert recall(found) >= 0.75
-    assert "section 1 of Nordland is images 0:32, of which the model has learned none" in error(
+    assert "section 1 of Nordland is images 0:32, of which the model has learned none" in fails(
         "eval", "two.lvpr", ".", "--dataset", "nordland", "--section", 1
     )
-    assert "spring: gives 9 places, section 3 of Nordland is places 8:12" in error(
+    assert "spring: gives 9 places, section 3 of Nordland is places 8:12" in fails(
         "train", ".", "--dataset", "nordland", "--section", 3, "-o", "m.lvpr"
     )
-    assert "section 16 of Nordland is none of the paper's; it has sections 1 to 15" in error(
+    assert "section 16 of Nordland is none of the paper's; it has sections 1 to 15" in fails(
         "train", ".", "--dataset", "nordland", "--section", 16, "-o", "m.lvpr"
     )
 
@@ -114,20 +107,20 @@ def test_all_places_and_one_section_of_the_queries(folder: Path) -> None:
 def test_traverses_at_different_speeds_take_positions(folder: Path) -> None:
     sun, rain, dusk = draw(folder, layout_of("oxford", "2015-08-12-15-04-18"), 9)
     learn = ("train", ".", "--dataset", "oxford", "--section", 2, "-o", "o.lvpr", *QUICK)
-    said = error(*learn)
+    said = fails(*learn)
     assert "2015-08-12-15-04-18, 2015-10-29-12-18-17: only positions tell which images are the places of" in said
     assert said.endswith("give --positions FILE once for each of the traverses, in this order")
     run(*learn, "--positions", sun, "--positions", rain)
     model = model_file.load("o.lvpr")
     assert model.place_indices.tolist() == [8, 10, 12, 14]  # an image every 5 m, a place every 10
     ask = ("eval", "o.lvpr", ".", "--dataset", "oxford")
-    assert "nothing tells which place a query shows, since the traverses of this dataset are not in step" in error(*ask)
+    assert "nothing tells which place a query shows, since the traverses of this dataset are not in step" in fails(*ask)
     found = evaluated(*ask[1:], "--query-positions", dusk)
     assert found["queries"] == 4
     assert found["position_error"]["radius_m"] == 5.0  # type: ignore[index]
     assert recall(found) >= 0.75
-    assert "leave out --section" in error(*ask, "--section", 2, "--query-positions", dusk, code=2)
-    assert "--tolerance counts along the route" in error(*ask, "--tolerance", 1, code=2)
+    assert "leave out --section" in fails(*ask, "--section", 2, "--query-positions", dusk, code=2)
+    assert "--tolerance counts along the route" in fails(*ask, "--tolerance", 1, code=2)
     wide = evaluated(*ask[1:], "--query-positions", dusk, "--radius", 12)
     assert wide["position_error"]["radius_m"] == 12.0  # type: ignore[index]
 
@@ -138,10 +131,10 @@ def test_the_other_datasets_with_positions(folder: Path, name: str) -> None:
     reference, query = draw(folder, layout, 6)
     learn = ("train", ".", "--dataset", name, "--section", 1, "-o", "m.lvpr", *QUICK)
     if layout.needs_positions:
-        assert "only positions tell which images are the places of St Lucia; give --positions FILE" in error(*learn)
+        assert "only positions tell which images are the places of St Lucia; give --positions FILE" in fails(*learn)
     run(*learn, "--positions", reference)
     assert model_file.load("m.lvpr").places == 4
-    assert "nothing tells which place a query shows" in error("eval", "m.lvpr", ".", "--dataset", name)
+    assert "nothing tells which place a query shows" in fails("eval", "m.lvpr", ".", "--dataset", name)
     found = evaluated("m.lvpr", ".", "--dataset", name, "--query-positions", query)
     assert found["queries"] == 4
     assert recall(found) >= 0.75
@@ -150,16 +143,16 @@ def test_the_other_datasets_with_positions(folder: Path, name: str) -> None:
 def test_what_does_not_go_with_a_dataset(folder: Path) -> None:
     draw(folder, DATASETS["spedtest"].layouts[0], 5)
     train = ("train", ".", "-o", "m.lvpr", *QUICK)
-    assert "--section is one of a dataset's; give --dataset NAME" in error(*train, "--section", 1, code=2)
+    assert "--section is one of a dataset's; give --dataset NAME" in fails(*train, "--section", 1, code=2)
     data = (*train, "--dataset", "spedtest")
-    assert "leave out --places" in error(*data, "--places", "0:4", code=2)
-    assert "--dataset takes one folder, which holds the dataset; 2 are given" in error(*data, "ref", code=2)
-    assert ", or spring (missing) + fall (missing) + summer (missing)" in error(*train, "--dataset", "nordland")
+    assert "leave out --places" in fails(*data, "--places", "0:4", code=2)
+    assert "--dataset takes one folder, which holds the dataset; 2 are given" in fails(*data, "ref", code=2)
+    assert ", or spring (missing) + fall (missing) + summer (missing)" in fails(*train, "--dataset", "nordland")
     bad = folder / "ref" / "2.png"
     whole = bad.read_bytes()
     bad.write_bytes(b"no image")
-    assert str(Path("ref") / "2.png") in error(*data)
+    assert str(Path("ref") / "2.png") in fails(*data)
     bad.write_bytes(whole)
     run(*data)
     (folder / "query" / "4.png").unlink()
-    assert "query: has 4 queries, the references 5" in error("eval", "m.lvpr", ".", "--dataset", "spedtest")
+    assert "query: has 4 queries, the references 5" in fails("eval", "m.lvpr", ".", "--dataset", "spedtest")

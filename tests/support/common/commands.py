@@ -1,7 +1,7 @@
 """Running commands in tests, on a small synthetic route.
 
-Used by backends, cli, conftest, core, deploy, events, examples, learning, paper_table, studies and
-vectors.
+Used by backends, cli, conftest, core, deploy, events, examples, learning, paper_table, studies,
+training and vectors.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from lava_vpr.cli import common, main
 from lava_vpr.synthetic.world import write_traverses
 
 CONFIG = "[network]\nsteps = 256\n[learning]\nsteps = 300\nepochs = 6\n"
+SHORT = "[network]\nsteps = 32\n[learning]\nsteps = 40\nepochs = 2\n"
 PLACES = 8
 
 
@@ -31,6 +32,23 @@ def run(*words: object) -> Result:
     assert result.exit_code == 0, result.output
     assert all(line.startswith(("note: ", "warning: ")) for line in result.stderr.splitlines()), result.stderr
     return result
+
+
+def fails(*words: object, code: int = 1) -> str:
+    """What a command says that must fail, in the one line after its notes; all of it if it is used wrongly (2)."""
+    result = CliRunner().invoke(main, [str(word) for word in words])
+    assert (result.exit_code, result.stdout) == (code, ""), result.output
+    if code == 2:
+        return result.stderr
+    *notes, line = result.stderr.splitlines()
+    assert line.startswith("lava-vpr: error: "), result.stderr
+    assert all(note.startswith("note: ") for note in notes), result.stderr
+    return line.removeprefix("lava-vpr: error: ")
+
+
+def content(folder: Path) -> dict[Path, tuple[int, bytes]]:
+    """Mode and bytes of every file below ``folder``, hidden ones too, and the modes of folders."""
+    return {path: (path.lstat().st_mode, path.read_bytes() if path.is_file() else b"") for path in folder.rglob("*")}
 
 
 def make_route(root: Path) -> Path:
