@@ -21,8 +21,7 @@ from lava.magma.core.run_configs import Loihi2SimCfg
 from lava.proc.io.source import RingBuffer
 from numpy.typing import NDArray
 
-from benchmarks.program import BenchmarkTable, Printed, program
-from benchmarks.timing import elapsed, turns
+from benchmarks.program import BenchmarkTable, Printed, elapsed, program, turns
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import image_keys, presentation_keys

@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.nordland import FOLDERS, images_of
-from benchmarks.places import TEMPLATES
+from benchmarks.places import FOLDERS, TEMPLATES, images_of
 from benchmarks.program import BenchmarkTable, Printed, program, recall, seeds_option
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 
-from benchmarks.places import TEMPLATES, PlacesSection, learn, places
+from benchmarks.places import TEMPLATES, PlacesSection, learned, places
 from benchmarks.program import Printed, program
 from benchmarks.searching import MARGIN, RECALL, Log, recalls
 from lava_vpr.config import Config, preset
@@ -141,7 +141,7 @@ def cases_of(config: Config, seeds: Sequence[int] = SEEDS) -> list[Case]:
         numbers = np.arange(section.end - section.first)
         truth = np.abs(numbers[:, None] - numbers) <= tolerance
         (queries,) = places(section, 1, config, ViewsConfig())
-        models = (learn(section, dataclasses.replace(config, seed=seed)) for seed in seeds)
+        models = (learned(section, dataclasses.replace(config, seed=seed)) for seed in seeds)
         cases += [Case(model, queries, truth) for model in models]
     return cases
 

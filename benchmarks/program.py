@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+import time
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 import numpy as np
 from rich.console import Console
 
 from benchmarks import figures
-from benchmarks.nordland import required
+from benchmarks.places import required
 from lava_vpr.errors import LavaVprError
 from lava_vpr.matching.evaluation import Metrics, Recall
 from lava_vpr.show.table import Table
@@ -101,3 +102,29 @@ def recall(metrics: Sequence[Metrics]) -> str:
 def fraction(value: float) -> str:
     """A fraction with three decimals, as one cell."""
     return "1" if value == 1 else f"{value:.3f}".removeprefix("0")
+
+
+K = TypeVar("K", bound=Hashable)
+V = TypeVar("V")
+
+
+def turns(measures: Mapping[K, Callable[[], V]], rounds: int) -> dict[K, list[V]]:
+    """What each measures in so many rounds, after one that compiles and does not count; every other goes backwards."""
+    found: dict[K, list[V]] = {name: [] for name in measures}
+    for turn in range(rounds + 1):
+        for name in list(measures)[:: 1 if turn % 2 else -1]:
+            value = measures[name]()
+            if turn:
+                found[name].append(value)
+    return found
+
+
+def elapsed(run: Callable[[], object]) -> Callable[[], float]:
+    """A measure of the seconds that a call takes."""
+
+    def seconds() -> float:
+        started = time.perf_counter()
+        run()
+        return time.perf_counter() - started
+
+    return seconds

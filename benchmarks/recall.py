@@ -17,7 +17,7 @@ from typing import Any
 
 import click
 
-from benchmarks.places import TEMPLATES, PlacesSection, learn
+from benchmarks.places import TEMPLATES, PlacesSection, learned
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from benchmarks.results.rows import PRINTED, Record, ResultRow, asked, measure
 from benchmarks.results.tables import DEFAULT, FIVE, PAPERS, SIMPLEST
@@ -89,7 +89,7 @@ def figures(row: ResultRow, section: PlacesSection, seed: int) -> dict[str, list
     """The figures of a section; `ON_CHIP` is learned again from the files that a bundle of the float model holds."""
     if row.name != ON_CHIP:
         return measure(row, section, seed)
-    model = learn(section, replace(row.config, seed=seed))
+    model = learned(section, replace(row.config, seed=seed))
     files = read_learning(ReadBundle(Path("memory"), {}, learning_files(model)))
     return asked(row, learned_on_chip(model, files, cores()), section)
 

@@ -2,44 +2,27 @@
 
     python -m scripts.pages [--check]       --check says as an exit code whether they are, and names the pages
 
-A part stands between `<!-- KIND/NAME: written by make pages -->` and `<!-- end of KIND/NAME -->`.
+A part, one of `scripts.parts.PARTS`, stands between `<!-- KIND/NAME: written by make pages -->` and
+`<!-- end of KIND/NAME -->`.
 """
 
 from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable
-from functools import cache
-from importlib import import_module
 from pathlib import Path
 
 from lava_vpr.errors import InputError
 from lava_vpr.storage.writing import write_atomically
+from scripts.parts import PARTS
 
 ROOT = Path(__file__).resolve().parents[1]
-KINDS = {
-    "cli": "scripts.cli_reference",
-    "figures": "benchmarks.figures",
-    "hardware": "scripts.hardware_reference",
-    "results": "benchmarks.results.tables",
-    "security": "scripts.security_reference",
-    "settings": "scripts.settings_reference",
-}
-"""The module of each kind of part: its `PARTS` are functions, by name, that make Markdown."""
 PART = re.compile(r"(<!-- (\w+)/([\w-]+): written by make pages -->\n)(.*?)(<!-- end of (\w+/[\w-]+) -->)", re.DOTALL)
 
 
 def pages() -> list[Path]:
     """README and the pages of docs."""
     return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-
-
-@cache
-def known() -> dict[str, Callable[[], str]]:
-    """All parts, by kind and name."""
-    modules = {kind: import_module(module) for kind, module in KINDS.items()}
-    return {f"{kind}/{name}": part for kind, module in modules.items() for name, part in module.PARTS.items()}
 
 
 def filled(page: str, path: Path) -> str:
@@ -53,9 +36,9 @@ def filled(page: str, path: Path) -> str:
         begin, kind, name, _, end, ended = found.groups()
         if ended != f"{kind}/{name}":
             raise InputError(f"{path}: {kind}/{name} ends with the mark of {ended}; put back its own")
-        made = known().get(f"{kind}/{name}")
+        made = PARTS.get(f"{kind}/{name}")
         if made is None:
-            raise InputError(f"{path}: there is no part {kind}/{name}; there are {', '.join(known())}")
+            raise InputError(f"{path}: there is no part {kind}/{name}; there are {', '.join(PARTS)}")
         return f"{begin}\n{made()}\n\n{end}"
 
     return PART.sub(part, page)
@@ -64,7 +47,7 @@ def filled(page: str, path: Path) -> str:
 def absent(texts: dict[Path, str]) -> list[str]:
     """Parts that stand on no page."""
     there = {f"{kind}/{name}" for text in texts.values() for _, kind, name, *_ in PART.findall(text)}
-    return sorted(known().keys() - there)
+    return sorted(PARTS.keys() - there)
 
 
 def bring_up_to_date(check: bool = False) -> list[Path]:

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.commands.running import lava_vpr
-from benchmarks.nordland import images_of
+from benchmarks.places import images_of
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from lava_vpr import maps, model
 from lava_vpr.cluster.tasks import Pool

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.commands.running import PROGRAM
-from benchmarks.nordland import images_of
+from benchmarks.places import images_of
 from benchmarks.program import Printed, program
 from lava_vpr.inputs.patches import grey
 from lava_vpr.storage.temporary import temporary_folder

@@ -19,9 +19,8 @@ import click
 import numpy as np
 
 from benchmarks.commands.running import PROGRAM, lava_vpr, measured
-from benchmarks.nordland import folder
-from benchmarks.program import BenchmarkTable, Printed, program
-from benchmarks.timing import turns
+from benchmarks.places import folder
+from benchmarks.program import BenchmarkTable, Printed, program, turns
 
 PYTHON = (sys.executable, "-c")
 

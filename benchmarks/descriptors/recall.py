@@ -21,8 +21,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.nordland import FOLDERS, images_of
-from benchmarks.places import PlacesSection, recognised, sections_of
+from benchmarks.places import FOLDERS, PlacesSection, images_of, recognised, sections_of
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from lava_vpr.config import Config, StdpLearning, preset
 from lava_vpr.configfile import update

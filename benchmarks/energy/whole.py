@@ -15,9 +15,8 @@ from functools import partial
 import click
 import numpy as np
 
-from benchmarks.nordland import SECTIONS, answer, encoded, folder, learn, part
-from benchmarks.program import Printed, program
-from benchmarks.timing import turns
+from benchmarks.places import SECTIONS, answer, encoded, folder, learn, part
+from benchmarks.program import Printed, program, turns
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.bench.energy import AnsweringWay, on_board
 from lava_vpr.bench.measure import alone

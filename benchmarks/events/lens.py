@@ -18,8 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.nordland import images_of
-from benchmarks.places import recognised
+from benchmarks.places import images_of, recognised
 from benchmarks.program import BenchmarkTable, Printed, fraction, program
 from lava_vpr.config import Config, for_events, preset
 from lava_vpr.recognition import Comparison

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from benchmarks.elsewhere import python_of, run_elsewhere
 from benchmarks.exchange.literal import spikes_of
-from benchmarks.nordland import encoded, learn, part
+from benchmarks.places import encoded, learn, part
 from benchmarks.program import Printed, program, verdict
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations

@@ -19,8 +19,7 @@ from typing import Any
 import click
 import numpy as np
 
-from benchmarks.nordland import FOLDERS, images_of
-from benchmarks.places import TEMPLATES, PlacesSection, learn, places
+from benchmarks.places import FOLDERS, TEMPLATES, PlacesSection, images_of, learned, places
 from benchmarks.program import BenchmarkTable, Printed, program
 from benchmarks.results.rows import SEEDS, Figures, Record, ResultRow, asked
 from benchmarks.results.tables import DEFAULT, FIVE, LATE
@@ -61,7 +60,7 @@ def measured(row: ResultRow, section: PlacesSection, seed: int) -> Figures:
     seconds = time.process_time() - began
     places(section, 0, config)  # read before the clock goes on
     began = time.process_time()
-    model = learn(section, config)
+    model = learned(section, config)
     seconds += time.process_time() - began
     return asked(row, model, section, costs=seed == SEEDS[0]) | {"training": [round(seconds, 2)]}
 

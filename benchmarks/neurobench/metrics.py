@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.elsewhere import python_of, run_elsewhere
-from benchmarks.nordland import encoded, learn, part
+from benchmarks.places import encoded, learn, part
 from benchmarks.program import Printed, program, verdict
 from lava_vpr.bench.measure.workload import of_trains
 from lava_vpr.bench.results import Workload

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.nordland import encoded, learn, part
 from benchmarks.oracles.problems import (
     EXCITATORY,
     INHIBITORY,
@@ -21,6 +20,7 @@ from benchmarks.oracles.problems import (
     Result,
     engine_result,
 )
+from benchmarks.places import encoded, learn, part
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT

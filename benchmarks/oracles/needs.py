@@ -22,7 +22,7 @@ import click
 import numpy as np
 
 from benchmarks.elsewhere import python_of, run_elsewhere
-from benchmarks.nordland import learn, required
+from benchmarks.places import learn, required
 from benchmarks.program import Printed, program, verdict
 from lava_vpr.config import preset
 from lava_vpr.configfile import update

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.elsewhere import run_elsewhere
-from benchmarks.nordland import encoded, learn, part, required
 from benchmarks.oracles.inference import Made, made_up
 from benchmarks.oracles.needs import PYTHON
+from benchmarks.places import encoded, learn, part, required
 from benchmarks.program import Printed, program, verdict
 from lava_vpr.config import preset
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board

@@ -31,9 +31,9 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.nordland import folder
 from benchmarks.peers.brian2_network import Brian2Network, spare_collection
 from benchmarks.peers.rivals import OwnImages, brian2_peer, own_images, vprtempo_matchers
+from benchmarks.places import folder
 from benchmarks.program import Printed, program
 from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.query_set import QuerySet

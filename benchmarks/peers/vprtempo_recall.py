@@ -17,7 +17,6 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.nordland import SECTIONS, folder
 from benchmarks.peers.vprtempo import (
     SIDE,
     SMALL_SIDE,
@@ -28,6 +27,7 @@ from benchmarks.peers.vprtempo import (
     preprocess,
     train,
 )
+from benchmarks.places import SECTIONS, folder
 from benchmarks.program import Printed, program, seeds_option
 from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.matching.evaluation import Metrics, Recall, evaluate, titles

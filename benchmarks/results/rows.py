@@ -18,7 +18,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.places import PlacesSection, learn, places
+from benchmarks.places import PlacesSection, learned, places
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.cluster.tasks import Pool
@@ -81,7 +81,7 @@ def measure(row: ResultRow, section: PlacesSection, seed: int) -> Figures:
     Raises:
         InputError: LAVA_VPR_DATA does not name the images.
     """
-    model = learn(section, dataclasses.replace(row.config, seed=seed))
+    model = learned(section, dataclasses.replace(row.config, seed=seed))
     return asked(row, model, section, costs=seed == SEEDS[0])
 
 

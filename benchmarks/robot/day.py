@@ -23,10 +23,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.nordland import images_of
-from benchmarks.places import PlacesSection, learn, places
+from benchmarks.places import PlacesSection, images_of, learned, places
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
-from benchmarks.robot import drives
 from lava_vpr import Localizer, train
 from lava_vpr.backends.opening import calibration_of
 from lava_vpr.cluster.tasks import Pool
@@ -39,6 +37,45 @@ from lava_vpr.matching.trust import Trust, trust
 from lava_vpr.model import Model, prepare
 from lava_vpr.recognition import count_query_spikes
 from lava_vpr.traverse import open_traverse
+
+SPEEDS = {"half the speed": 0.5, "the same speed": 1.0, "1.2 times": 1.2, "1.5 times": 1.5, "twice": 2.0}
+EVERY, STOP = 50, 30
+"""A stop of so many frames after so many places."""
+BEFORE, AFTER = 25, 10
+"""Frames before a robot is carried off, and after."""
+
+REVERSED = "reversed"
+
+Frames = NDArray[np.int64]
+
+
+def at_speed(speed: float, places: int) -> Frames:
+    """The place of every frame at so many times the references' speed."""
+    return np.minimum((np.arange(int(places / speed)) * speed).astype(np.int64), places - 1)
+
+
+def with_stops(places: int) -> Frames:
+    """The place of every frame of a drive at the references' speed that stands still in between."""
+    return np.concatenate([np.full(1 + STOP * (place % EVERY == EVERY // 2), place) for place in range(places)])
+
+
+def every_drive(places: int) -> dict[str, Frames]:
+    """All drives by name."""
+    made = {name: at_speed(speed, places) for name, speed in SPEEDS.items()}
+    stops = f"{STOP} frames at rest, every {EVERY} places"
+    return made | {stops: with_stops(places), REVERSED: np.arange(places)[::-1]}
+
+
+def kidnappings(places: int, number: int, seed: int) -> list[Frames]:
+    """Drives that go on elsewhere, at least a twentieth of the map away, or half of what a short map allows."""
+    rng, made = np.random.default_rng(seed), []
+    least = min(places // 20 + BEFORE, (places - BEFORE - AFTER) // 2)
+    while len(made) < number:
+        here, there = rng.integers(0, places - BEFORE - AFTER, 2).tolist()
+        if abs(here - there) >= least:
+            made.append(np.concatenate([np.arange(here, here + BEFORE), np.arange(there, there + AFTER)]))
+    return made
+
 
 KIDNAPPED = 60
 TIMED = 200
@@ -75,7 +112,7 @@ class ScoredImages:
 
 def answered(where: Map, seed: int) -> ScoredImages:
     """Learn a map and ask it everything."""
-    model = learn(where.learned, dataclasses.replace(preset("loihi"), seed=seed))
+    model = learned(where.learned, dataclasses.replace(preset("loihi"), seed=seed))
     scores_of = prepare(model)
     on, off = (
         scores_of(count_query_spikes(model, places(section, 1, model.config)[0], threads=cores())[0])
@@ -102,10 +139,10 @@ def exact_and_near(matches: NDArray[np.int64], truth: NDArray[np.int64]) -> tupl
 
 def found_again(some: ScoredImages, motion: str) -> float:
     """Percent of kidnappings after which a place is exact within ten frames, and the last is within one."""
-    cases = drives.kidnappings(some.model.places, KIDNAPPED, seed=1)
+    cases = kidnappings(some.model.places, KIDNAPPED, seed=1)
     again = 0
     for frames in cases:
-        apart = np.abs(follow(some.on, motion, frames).matches - frames)[drives.BEFORE :]
+        apart = np.abs(follow(some.on, motion, frames).matches - frames)[BEFORE:]
         again += bool((apart == 0).any() and apart[-1] <= 1)
     return 100 * again / len(cases)
 
@@ -119,11 +156,11 @@ def driven(some: ScoredImages, motion: str, frames: NDArray[np.int64]) -> tuple[
 def drive_cells(all_seeds: Sequence[ScoredImages]) -> list[list[str]]:
     """The cells of a map, a row for each drive: exact / within three places, in percent, means over seeds."""
     rows = []
-    for drive, frames in drives.every_drive(all_seeds[0].model.places).items():
+    for drive, frames in every_drive(all_seeds[0].model.places).items():
         cells = []
         for motion in (NONE, *MOTIONS):
             figures = np.mean([driven(some, motion, frames) for some in all_seeds], axis=0)
-            backwards = motion == "forward" and drive == drives.REVERSED
+            backwards = motion == "forward" and drive == REVERSED
             cells.append("" if backwards else " / ".join(f"{value:.1f}" for value in figures))
         rows.append(cells)
     again = [np.mean([found_again(some, motion) for some in all_seeds]) for motion in MOTIONS]
@@ -132,7 +169,7 @@ def drive_cells(all_seeds: Sequence[ScoredImages]) -> list[list[str]]:
 
 def drive_table(maps: Mapping[str, Sequence[ScoredImages]], record: str) -> BenchmarkTable:
     """All drives on all maps."""
-    names = [*drives.every_drive(KIDNAPPED), f"carried off: found again within {drives.AFTER} images"]
+    names = [*every_drive(KIDNAPPED), f"carried off: found again within {AFTER} images"]
     columns = [name for title in maps for name in (f"{title}: alone", "`--motion any`", "`forward`")]
     rows = zip(*(drive_cells(seeds) for seeds in maps.values()), strict=True)
     return BenchmarkTable(

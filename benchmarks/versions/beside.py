@@ -19,8 +19,7 @@ from pathlib import Path
 
 import click
 
-from benchmarks.program import BenchmarkTable, Printed, program
-from benchmarks.timing import turns
+from benchmarks.program import BenchmarkTable, Printed, program, turns
 from benchmarks.versions.worker import VersionCase
 from lava_vpr.config import preset
 from lava_vpr.configfile import to_dict

@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cache
 from typing import Any
 
-from benchmarks.nordland import encoded, learn
+from benchmarks.places import encoded, learn
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import query_rates16

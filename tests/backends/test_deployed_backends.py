@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from support.common.commands import run
 from support.common.small_models import encoded, small_model, tiny_paper
 
-from benchmarks.nordland import encoded as real
-from benchmarks.nordland import learn, part
+from benchmarks.places import encoded as real
+from benchmarks.places import learn, part
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations, query_presentations

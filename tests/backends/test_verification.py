@@ -13,8 +13,8 @@ from click.testing import CliRunner
 from support.common.commands import PLACES, figures, run
 from support.common.small_models import encoded, small_model, tiny_paper
 
-from benchmarks.nordland import SECTIONS, answer, learn, part
-from benchmarks.nordland import encoded as real
+from benchmarks.places import SECTIONS, answer, learn, part
+from benchmarks.places import encoded as real
 from lava_vpr import model as model_file
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.host import HostBackend

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.nordland import learn
+from benchmarks.places import learn
 from benchmarks.sanafe import cross_check as checking
 from benchmarks.sanafe import worker
 from benchmarks.sanafe.compare import LIMIT, SEEDS, SanafeCase, failures, random_case, real

@@ -271,8 +271,8 @@ def test_settings_are_checked(setting: str, value: float, text: str) -> None:
 )
 def test_recall_is_vprtempo_s(data_root: Path, kind: str, seeds: tuple[int, ...], expected: float) -> None:
     """R@1 of the five sections within 3 points of what was measured for VPRTempo itself there."""
-    from benchmarks.nordland import SECTIONS
     from benchmarks.peers.vprtempo_recall import IMAGES, section
+    from benchmarks.places import SECTIONS
 
     name = next(one for one in IMAGES if one.startswith(kind))
     found = [section(name, places, VprTempoConfig(), seed).recall_at_1 for places in SECTIONS for seed in seeds]

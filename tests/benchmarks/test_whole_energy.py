@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmarks.energy import whole
-from benchmarks.timing import turns
+from benchmarks.program import turns
 
 
 def test_all_take_turns_and_the_first_round_does_not_count() -> None:

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.nordland import SECTIONS, answer, encoded, folder, learn, part
-from benchmarks.places import PlacesSection
+from benchmarks.places import SECTIONS, PlacesSection, answer, encoded, folder, learn, part
 from benchmarks.recall import TABLES
 from benchmarks.results.rows import Figures, measure
 from lava_vpr.cluster.tasks import Pool

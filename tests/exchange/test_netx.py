@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from numpy.typing import NDArray
 from support.common.small_models import encoded, small_config
 
-from benchmarks import nordland
+from benchmarks import places
 from lava_vpr import model as model_file
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
@@ -99,8 +99,8 @@ def test_lava_dl_spikes_as_the_network_that_the_file_holds(tmp_path: Path) -> No
 def test_a_hundred_real_queries(tmp_path: Path, data_root: Path) -> None:
     """Nordland 200:300: every spike, of all neurons; and how far rounded biases lead from the model's own counts."""
     config = preset("loihi")
-    queries = nordland.part(nordland.encoded("winter", config.encoder), slice(200, 300))
-    model = integer_model(nordland.learn((200, 300), config), "a test")
+    queries = places.part(places.encoded("winter", config.encoder), slice(200, 300))
+    model = integer_model(places.learn((200, 300), config), "a test")
     loaded, held, own = compared(model, queries, tmp_path / "m.net")
     assert loaded.shape == (100, 100)
     assert np.array_equal(loaded, held)

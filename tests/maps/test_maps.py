@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from support.common.small_models import encoded, small_config, small_model, some, tiny_paper
 
-from benchmarks.nordland import encoded as encoded_nordland
-from benchmarks.nordland import learn, part
+from benchmarks.places import encoded as encoded_nordland
+from benchmarks.places import learn, part
 from lava_vpr import maps, model
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset

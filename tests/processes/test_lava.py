@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from support.lava.small_networks import random_bias
 
-from benchmarks.nordland import encoded, learn, part
+from benchmarks.places import encoded, learn, part
 from lava_vpr.config import preset
 from lava_vpr.encoding import draw_trains, query_rates16
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes

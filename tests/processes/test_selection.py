@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from support.boards.loihi2_bundles import STANDIN
 from support.lava.selection_targets import MADE
 
-from benchmarks.nordland import encoded, learn, part
+from benchmarks.places import encoded, learn, part
 from lava_vpr import processes
 from lava_vpr.config import preset
 from lava_vpr.deploy.hardware.table import BELIEFS

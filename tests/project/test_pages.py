@@ -11,7 +11,7 @@ from benchmarks import figures
 from benchmarks.figures import PageTable
 from lava_vpr.config import LifNetwork, preset
 from lava_vpr.errors import InputError
-from scripts import pages, settings_reference
+from scripts import pages, parts
 
 PAGE = Path("page.md")
 TEXTS = {path: path.read_text(encoding="utf-8") for path in pages.pages()}
@@ -75,9 +75,9 @@ def test_every_record_names_its_command_and_conditions() -> None:
 
 
 def test_presets_are_alike_in_what_the_page_does_not_name() -> None:
-    told = {name.rpartition(".")[2] for row in settings_reference.ROWS for name in re.findall(r"`([a-z_.]+)`", row)}
+    told = {name.rpartition(".")[2] for row in parts.ROWS for name in re.findall(r"`([a-z_.]+)`", row)}
     default = preset("loihi")
-    for own in map(preset, settings_reference.INTEGER):
+    for own in map(preset, parts.INTEGER):
         for key in LifNetwork.__dataclass_fields__.keys() - told:
             assert getattr(own.network, key) == getattr(default.network, key), key
         assert own.learning == default.learning

@@ -20,7 +20,7 @@ NOT_ROOMS = {"core", "project", "support"}
 MEASURED = {
     "bench/test_workload.py": {"benchmarks.neurobench"},
     "core/test_fast.py": {"benchmarks.recall", "benchmarks.results"},
-    "core/test_real_images.py": {"benchmarks.places", "benchmarks.recall", "benchmarks.results"},
+    "core/test_real_images.py": {"benchmarks.recall", "benchmarks.results"},
     "project/test_docs.py": {"benchmarks.__main__", "benchmarks.figures", "benchmarks.recall"},
     "project/test_pages.py": {"benchmarks.figures"},
     "engine/test_conductance.py": {"benchmarks.peers"},
@@ -90,12 +90,12 @@ def test_no_test_imports_another() -> None:
 
 
 def test_what_is_taken_from_benchmarks() -> None:
-    """The real images of `benchmarks.nordland`, and what is itself tested."""
+    """The real images of `benchmarks.places`, and what is itself tested."""
     for path in texts():
         name = str(path.relative_to(TESTS))
         taken = {".".join(found.split(".")[:2]) for found in imports(path) if found.startswith("benchmarks.")}
         if not name.startswith("benchmarks/"):
-            assert taken - {"benchmarks.nordland"} == MEASURED.get(name, set()), name
+            assert taken - {"benchmarks.places"} == MEASURED.get(name, set()), name
 
 
 def test_the_package_imports_nothing_of_the_evidence() -> None:
