@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import __version__
-from lava_vpr.config import Config
+from lava_vpr.config import Config, IntegerConfig, as_integer_config, not_integer
 from lava_vpr.configfile import to_dict
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import LavaVprError, ModelFileError
-from lava_vpr.gate import IntegerConfig, as_integer_config, not_integer
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.matching import decoders
 from lava_vpr.matching.equations import assign

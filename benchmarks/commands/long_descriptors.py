@@ -21,7 +21,7 @@ from benchmarks.commands.running import PROGRAM
 from benchmarks.places import images_of
 from benchmarks.program import Printed, program
 from lava_vpr.inputs.patches import grey
-from lava_vpr.storage.temporary import temporary_folder
+from lava_vpr.storage.writing import temporary_folder
 from lava_vpr.traverse import open_traverse
 
 SIDE, CELL, DIRECTIONS, PLACES = 64, 4, 16, 100

@@ -23,9 +23,8 @@ from benchmarks.places import FOLDERS, TEMPLATES, PlacesSection, images_of, lear
 from benchmarks.program import BenchmarkTable, Printed, program
 from benchmarks.results.rows import SEEDS, Figures, Record, ResultRow, asked
 from benchmarks.results.tables import DEFAULT, FIVE, LATE
-from lava_vpr.config import preset
+from lava_vpr.config import integer_config, preset
 from lava_vpr.configfile import update
-from lava_vpr.gate import integer_config
 from lava_vpr.slayer.front_end import EPOCHS, learned_filters
 from lava_vpr.traverse import open_traverse
 

@@ -39,7 +39,7 @@ from lava_vpr.bench.peers import run_peers
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
 from lava_vpr.cluster.tasks import Pool
-from lava_vpr.config import Config, preset
+from lava_vpr.config import Config, integer_config, preset
 from lava_vpr.encoding import EncodedTraverse, Keep, activity_of, encode_traverse, query_rates16, rates16
 from lava_vpr.engine.conductance.kernels import draw_spikes
 from lava_vpr.engine.conductance.model import ConductanceState, count_spikes, initial_state, train_presentation
@@ -48,7 +48,6 @@ from lava_vpr.engine.inference.quantise import Shown
 from lava_vpr.engine.learning import stdp
 from lava_vpr.engine.presentations import cores
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys
-from lava_vpr.gate import integer_config
 from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.matching.evaluation import values_of
 from lava_vpr.model import Model

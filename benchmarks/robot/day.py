@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from benchmarks.places import PlacesSection, images_of, learned, places
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from lava_vpr import Localizer, train
-from lava_vpr.backends.opening import calibration_of
+from lava_vpr.backends.asking import calibration_of
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
 from lava_vpr.engine.presentations import cores

@@ -21,11 +21,10 @@ import click
 
 from benchmarks.program import BenchmarkTable, Printed, program, turns
 from benchmarks.versions.worker import VersionCase
-from lava_vpr.config import preset
+from lava_vpr.config import integer_config, preset
 from lava_vpr.configfile import to_dict
 from lava_vpr.engine.inference.fixed import silent_steps
 from lava_vpr.errors import InputError
-from lava_vpr.gate import integer_config
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = Path(__file__).with_name("worker.py")

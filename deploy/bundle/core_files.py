@@ -20,8 +20,8 @@ from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
 from lava_vpr.errors import BundleError, ModelFileError, brief
 from lava_vpr.loihi import WEIGHT_BITS
 from lava_vpr.settings.ranges import whole
+from lava_vpr.storage.arrays import Shape
 from lava_vpr.storage.limits import excess
-from lava_vpr.storage.npy import Shape
 
 CORES = "cores"
 CORE_ARRAYS: dict[str, tuple[type, Shape]] = {

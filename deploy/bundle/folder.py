@@ -27,8 +27,8 @@ from lava_vpr.deploy.bundle.listing import BundleLimitError, Facts, listed_files
 from lava_vpr.errors import BundleError, brief
 from lava_vpr.interrupts import held
 from lava_vpr.settings.ranges import whole
+from lava_vpr.storage.arrays import Shape, array_of
 from lava_vpr.storage.limits import excess
-from lava_vpr.storage.npy import Shape, array_of
 from lava_vpr.storage.reading import open_regular, read_bytes
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import read_only, temporary_prefix
@@ -76,7 +76,7 @@ class ReadBundle:
 
         Args:
             name: The file.
-            kind, shape: The type and shape that it must have, as `lava_vpr.storage.npy.array_of` takes them.
+            kind, shape: The type and shape that it must have, as `lava_vpr.storage.arrays.array_of` takes them.
         Raises:
             BundleError: missing, no array, or another than this.
         """

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.config import integer_config
 from lava_vpr.deploy.boards.clearing import check_reset
 from lava_vpr.deploy.bundle.core_files import within
 from lava_vpr.deploy.bundle.folder import AGAIN, ReadBundle, array_bytes, json_bytes, same_json
@@ -39,7 +40,6 @@ from lava_vpr.engine.learning.lava_order import (
 from lava_vpr.engine.learning.recruiting import key_again, recruit, rounds
 from lava_vpr.engine.random import image_keys, presentation_key, stretch_key
 from lava_vpr.errors import BundleError, ConfigError, NetworkLimitError, brief
-from lava_vpr.gate import integer_config
 from lava_vpr.loihi import INPUT_LIMIT, LOIHI_2_RESET_LIMIT, THRESHOLD_LIMIT, TRACE_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Model, Stretch
 from lava_vpr.settings.ranges import real, whole

@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from lava_vpr.config import Config
+from lava_vpr.config import Config, IntegerConfig, integer_config
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.mapping.bounds import least_cores
 from lava_vpr.deploy.mapping.limits import check, check_without_weights
@@ -26,7 +26,6 @@ from lava_vpr.deploy.mapping.sizing import Floats, Pattern, Sizing
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import scaled
 from lava_vpr.errors import ConfigError, NetworkLimitError
-from lava_vpr.gate import IntegerConfig, integer_config
 from lava_vpr.loihi import WEIGHT_BITS
 from lava_vpr.training.loop import split
 

@@ -22,9 +22,9 @@ from lava_vpr.deploy.bundle.folder import ReadBundle
 from lava_vpr.deploy.running.board_program import EndedProgram, run_program
 from lava_vpr.errors import BackendUnavailableError, BundleError, LavaRunError, LavaVprError, NetworkLimitError
 from lava_vpr.isolated.child import run_child
-from lava_vpr.storage.npy import array_of
+from lava_vpr.storage.arrays import array_of
 from lava_vpr.storage.reading import read_bytes
-from lava_vpr.storage.temporary import temporary_folder
+from lava_vpr.storage.writing import temporary_folder
 
 NOTES = logging.getLogger("lava_vpr")
 PYTHON = "NXSDK_PYTHON"

@@ -1,20 +1,27 @@
-"""How queries are asked: in how many views each is presented, and whether the network adapts to those before."""
+"""How queries are asked: in how many views each is presented, and whether the network adapts to those before.
+
+Here, too, models are opened to be asked, from a file or a deployed bundle, with the calibration of their answers.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr import model as model_file
 from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.adaptation import Adaptation, Motion, RunningMean
 from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.views import View, ViewsConfig
-from lava_vpr.model import Model, integer_model
+from lava_vpr.matching.probability import Calibration
+from lava_vpr.model import Model, as_integer, integer_model
 
 
 @dataclass(frozen=True)
@@ -101,3 +108,33 @@ def adapted_scores(
     """
     adapted = scores - RunningMean(start, tau).before(scores, Motion().moving(rates))
     return adapted - adapted.min(initial=0.0) + 1.0  # a score of 0 would be no match
+
+
+def open_model(path: str | Path) -> Model:
+    """The model in a file, or in the folder of a deployed bundle.
+
+    Args:
+        path: A model file, or a bundle's folder.
+    Raises:
+        ModelFileError: it cannot be used.
+    """
+    if not Path(path).is_dir():
+        return model_file.load(path)
+    from lava_vpr.deploy.bundle.opening import open_bundle  # only those who have a bundle wait for it
+
+    return open_bundle(Path(path))
+
+
+def calibration_of(model: Model, pool: Pool = ONE_THREAD) -> Calibration | None:
+    """The calibration of ``model``: what it holds, or measured now; None for the float conductance model.
+
+    Args:
+        model: A model, of any origin.
+        pool: Who measures; it does not change the result.
+    """
+    integer = as_integer(model)
+    if model.calibration is not None or integer is None:
+        return None if model.calibration is None else Calibration(model.calibration)
+    from lava_vpr.training.measuring import measured  # a model that holds it, as its file does, need not wait for it
+
+    return measured(integer, pool)

@@ -26,8 +26,8 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError, BundleError
 from lava_vpr.model import Model, checked_network
-from lava_vpr.storage.temporary import temporary_folder
 from lava_vpr.storage.text import shown
+from lava_vpr.storage.writing import temporary_folder
 
 BATCH = 16
 """Queries between two reports of progress, at most."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from lava_vpr.backends import registry
-from lava_vpr.backends.opening import calibration_of
+from lava_vpr.backends.asking import calibration_of
 from lava_vpr.backends.rivals import chosen, kept_for
 from lava_vpr.bench.request import Request
 from lava_vpr.cli.choose import TruthOptions, truth_options

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from lava_vpr import model as model_file
-from lava_vpr.backends.opening import calibration_of
+from lava_vpr.backends.asking import calibration_of
 from lava_vpr.cli.choose import open_queries
 from lava_vpr.cli.common import (
     PATH,

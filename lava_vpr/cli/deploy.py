@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from lava_vpr.backends.opening import open_model
+from lava_vpr.backends.asking import open_model
 from lava_vpr.cli.choose import open_queries
 from lava_vpr.cli.common import PATH, Number, encode_queries, noun, one_bar, progress_bar, stage
 from lava_vpr.cli.nouns import every_option, json_option, places_option

@@ -9,7 +9,7 @@ from functools import partial
 import click
 
 from lava_vpr.backends import registry as backends
-from lava_vpr.backends.opening import calibration_of
+from lava_vpr.backends.asking import calibration_of
 from lava_vpr.backends.rivals import BASELINES, kept_for, missing
 from lava_vpr.backends.rivals import chosen as rivals_of
 from lava_vpr.cli.choose import TruthOptions, truth_options

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lava_vpr.backends.opening import open_model
+from lava_vpr.backends.asking import open_model
 from lava_vpr.cli.common import PATH, Number, progress_bar, setting_type, stage
 from lava_vpr.cli.nouns import json_option
 from lava_vpr.cli.outputs import Outputs

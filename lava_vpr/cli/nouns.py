@@ -9,8 +9,7 @@ from typing import Any
 
 import click
 
-from lava_vpr.backends.asking import Asking
-from lava_vpr.backends.opening import open_model
+from lava_vpr.backends.asking import Asking, open_model
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cli.common import PATH, F, Number, RegisteredName, noun, seed_type, several
 from lava_vpr.cli.outputs import Outputs

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
-from lava_vpr.backends.asking import Asking
+from lava_vpr.backends.asking import Asking, calibration_of, open_model
 from lava_vpr.backends.interface import Advance
-from lava_vpr.backends.opening import calibration_of, open_model
 from lava_vpr.cli.common import PATH, console, motion_option, noun, precision_option, progress_bar, stage, stderr
 from lava_vpr.cli.nouns import (
     OneSource,

@@ -19,8 +19,8 @@ from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.learning.route import Training
 from lava_vpr.model import Model
-from lava_vpr.storage.locking import only_one
 from lava_vpr.storage.text import shown
+from lava_vpr.storage.writing import only_one
 from lava_vpr.training.checkpoint import remove_checkpoint
 from lava_vpr.training.trainers import LEARNING
 

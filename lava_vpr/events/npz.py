@@ -28,7 +28,7 @@ from lava_vpr.events.stream import (
     in_blocks,
     in_tables,
 )
-from lava_vpr.storage.archives import ARCHIVE_ERRORS, entries_of
+from lava_vpr.storage.arrays import ARCHIVE_ERRORS, entries_of
 from lava_vpr.storage.limits import within
 from lava_vpr.storage.reading import open_regular
 from lava_vpr.storage.text import shown

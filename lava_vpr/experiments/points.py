@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
 from lava_vpr.cluster.tasks import Pool
-from lava_vpr.config import Config, preset
+from lava_vpr.config import Config, integer_config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.constants import CostConstants
@@ -29,7 +29,6 @@ from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import ConfigError, NetworkLimitError
-from lava_vpr.gate import integer_config
 from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.model import Model, decode, integer_model

@@ -1,12 +1,18 @@
-"""Calls a function that uses Lava in processes of its own: no failure inside Lava hangs or leaves anything behind."""
+"""Calls a function that uses Lava in processes of its own: no failure inside Lava hangs or leaves anything behind.
+
+A failed run is an error of one line, and names the file in which its log or traceback is kept.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -16,11 +22,12 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from lava_vpr.errors import LavaRunError
+from lava_vpr import errors
+from lava_vpr.errors import LavaRunError, LavaVprError
 from lava_vpr.interrupts import held
-from lava_vpr.isolated import failures, first_failure, job_folder, lifetime
+from lava_vpr.isolated import first_failure, job_folder, lifetime
 from lava_vpr.isolated.child import started, waited
-from lava_vpr.storage.temporary import temporary_folder
+from lava_vpr.storage.writing import temporary_folder
 
 LOOK = 0.03  # seconds between two looks at the worker
 GRACE = 6.0  # seconds for the worker to end what it started
@@ -79,7 +86,7 @@ def run_isolated(
                 return job_folder.load_arrays(folder / "results")
             if not failure:
                 _ask_stacks(folder)
-            raise failures.error_of(failure, target, timeout, folder)
+            raise error_of(failure, target, timeout, folder)
 
 
 def _answered(folder: Path, code: int | None) -> bool:
@@ -138,5 +145,90 @@ def _ask_stacks(folder: Path) -> None:
     """Let each process write where it stands."""
     lifetime.signal_work(folder, first_failure.STACKS)
     end = time.monotonic() + TELL
-    while time.monotonic() < end and not failures.all_stacks(folder):
+    while time.monotonic() < end and not all_stacks(folder):
         time.sleep(LOOK)
+
+
+LONGEST = 400  # characters of an exception's text in the one line of an error
+LOG_TAIL = 20_000  # characters
+
+
+def one_line(text: str) -> str:
+    """``text`` on one line, cut where it is too long for one."""
+    line = " ".join(text.split())
+    return line if len(line) <= LONGEST else line[:LONGEST] + " ..."
+
+
+def _log(folder: Path) -> str:
+    """The end of what the run's processes wrote to stdout and stderr."""
+    try:
+        return (folder / "log").read_text(encoding="utf-8", errors="replace")[-LOG_TAIL:]
+    except OSError:
+        return ""
+
+
+def _stacks(folder: Path) -> list[str]:
+    """Where each process of the run stood, as far as they have said so."""
+    return [path.read_text(encoding="utf-8", errors="replace") for path in sorted(folder.glob("stacks-*"))]
+
+
+def all_stacks(folder: Path) -> bool:
+    """Whether each process has written where it stands, below the line that says who it is."""
+    return all(text.count("\n") > 1 for text in _stacks(folder))
+
+
+def _keep(text: str) -> str:
+    """Write ``text`` to a file that stays; its path, or nothing if there is no text or no room for it."""
+    if not text.strip():
+        return ""
+    try:
+        handle, path = tempfile.mkstemp(prefix="lava-vpr-failure-", suffix=".txt")
+        with open(handle, "w", encoding="utf-8", errors="backslashreplace") as file:
+            file.write(text)
+    except OSError:
+        return ""
+    return path
+
+
+def _failure(message: str, what: str, details: str) -> LavaRunError:
+    """An error whose line ends with the file in which ``details`` are kept, and ``what`` they are."""
+    path = _keep(details)
+    return LavaRunError(f"{message}; {what}: {path}" if path else message, details.strip())
+
+
+def error_of(values: dict[str, Any], target: str, seconds: float, folder: Path) -> LavaVprError:
+    """The error that a failure of ``target`` is to the caller.
+
+    Args:
+        values: As `lava_vpr.isolated.first_failure.awaited` returns them.
+        target: What was run.
+        seconds: The time that it had.
+        folder: The folder of the run, which still has its log.
+    """
+    if not values:
+        said = f"{target} did not end within {seconds:g} s and was stopped; allow more time or run less at once"
+        return _failure(said, "where its processes stood", "\n".join([*_stacks(folder), _log(folder)]))
+    where = values.get("where", "")
+    if "code" in values:
+        process = f"the process of {where}" if where else "its process"
+        return _failure(f"{target}: {process} {_ended(values['code'])}", "its log", _log(folder))
+    known = next((kind for kind in values["kinds"] if kind.startswith(f"{errors.__name__}.")), "").rpartition(".")[2]
+    if known and known != LavaRunError.__name__:
+        error: LavaVprError = getattr(errors, known)(values["text"])
+        return error
+    text = one_line(f"{values['type']}: {values['text']}" if values["text"] else values["type"])
+    location = f" at {values['code_location']}" if values["code_location"] else ""
+    said = f"{target} failed{f' in {where}' if where else ''}: {text}{location}"
+    return _failure(said, "traceback", values["traceback"])
+
+
+def _ended(code: int) -> str:
+    """How a process ended that says nothing itself, by its exit code, and what to do."""
+    if code >= 0:
+        return f"ended itself with exit code {code} and no result; let it raise an error or return"
+    name = f"signal {-code}"
+    with contextlib.suppress(ValueError):
+        name = signal.Signals(-code).name
+    if -code in (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIGFPE):
+        return f"crashed ({name}); a compiled part is at fault: install numba and lava-nc again"
+    return f"was killed ({name}); if memory ran out, free some or run less at once; then run it again"

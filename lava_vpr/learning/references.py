@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lava_vpr.backends.opening import open_model
+from lava_vpr.backends.asking import open_model
 from lava_vpr.config import Config
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views, image_traverse

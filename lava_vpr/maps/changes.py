@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays
 from lava_vpr.errors import InputError
-from lava_vpr.maps.checks import check_extension, check_mergeable, check_positions
-from lava_vpr.maps.parts import MapPart, join, part_of, taken
+from lava_vpr.maps.parts import MapPart, check_extension, check_mergeable, check_positions, join, part_of
 from lava_vpr.matching.equations import assign
 from lava_vpr.model import IntegerModel, Model, Stretch, integer_model
 from lava_vpr.positions.frames import XY, Positions, placed
@@ -94,7 +93,7 @@ def remove(model: Model, places: Iterable[int], *, pool: Pool = ONE_THREAD) -> I
         raise InputError("no neuron would be left for the other places; remove fewer, or train these anew")
     route = part.route
     positions = None if route.positions is None else route.positions.take(~gone)
-    kept_references = [taken(reference, ~gone) for reference in route.references]
+    kept_references = [reference.take(np.flatnonzero(~gone)) for reference in route.references]
     route = LearnedRoute(kept_references, route.images, positions, model.standard)
     learned = np.ascontiguousarray(part.learned[:, kept])
     return integer_model(joined(learned, model.config, stretches, route, pool), "removing places")

@@ -1,10 +1,11 @@
-"""Parts of a map, and how they are joined."""
+"""Parts of a map, how they are joined, and what a map that is to change must be, seen before any work is done."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,11 @@ from numpy.typing import NDArray
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.maps.checks import check_learned
-from lava_vpr.model import IntegerModel, Model, Stretch, integer_model
+from lava_vpr.errors import ConfigError, InputError, ModelFileError, brief
+from lava_vpr.model import IntegerModel, Model, Stretch, as_integer, integer_model
 from lava_vpr.positions import frames
-from lava_vpr.training.loop import LearnedRoute, in_one, joined
+from lava_vpr.storage.text import shown
+from lava_vpr.training.loop import LearnedRoute, check_size, check_whole, in_one, joined
 from lava_vpr.training.measuring import references_of
 
 
@@ -88,14 +90,132 @@ def _one_traverse(parts: Sequence[EncodedTraverse], indices: NDArray[np.int64]) 
     )
 
 
-def taken(encoded: EncodedTraverse, chosen: NDArray[np.bool_]) -> EncodedTraverse:
-    """The images that are ``chosen``, bool (n,)."""
-    return EncodedTraverse(
-        tuple(name for name, own in zip(encoded.names, chosen, strict=True) if own),
-        encoded.indices[chosen],
-        encoded.activity[chosen],
-        None if encoded.patches is None else encoded.patches[chosen],
-        None if encoded.thumbnails is None else encoded.thumbnails[chosen],
-        None if encoded.hog is None else encoded.hog[chosen],
-        None if encoded.vectors is None else encoded.vectors[chosen],
-    )
+def check_extension(model: Model, places: int, traverses: int, path: Path | None = None) -> tuple[Stretch, ...]:
+    """The stretches of ``places`` new places that ``traverses`` show, or a refusal before anything is learned.
+
+    Args:
+        model: The model that is to be extended.
+        places: Number of new places.
+        traverses: Number of traverses that show them.
+        path: The file of the model, if it is known.
+    Raises:
+        ConfigError, InputError, ModelFileError: as `extend`.
+    """
+    check_learned(model, "extending", path)
+    if traverses != traverses_of(model):
+        raise InputError(
+            f"{_of_file(path)}the model was learned from {_counted(traverses_of(model))}, but the new places are shown "
+            f"in {_counted(traverses)}; give as many"
+        )
+    stretches = check_size(places, model.config, traverses)
+    neurons = model.neurons + sum(stretch.neurons for stretch in stretches)
+    check_whole(model.config, model.places + places, traverses, neurons)
+    return stretches
+
+
+def check_learned(model: Model, purpose: str, path: Path | None = None) -> IntegerModel:
+    """``model`` itself, seen to have an integer network and what that was made of.
+
+    Args:
+        model: The model.
+        purpose: What needs that; the message begins with it.
+        path: The file of the model, if it is known.
+    Raises:
+        ConfigError: it is the conductance model.
+        ModelFileError: it has no learned weights.
+    """
+    if as_integer(model) is None:
+        raise ConfigError(
+            f"{_of_file(path)}{purpose} needs stretches that learn by themselves, but preset paper is one network for "
+            "the whole route; train it again with all images"
+        )
+    if model.learned.size == 0:
+        raise ModelFileError(
+            f"{_of_file(path)}{purpose} needs what the network has learned, which a bundle does not hold; use the "
+            "model file that it was deployed from"
+        )
+    return integer_model(model, purpose)
+
+
+def traverses_of(model: Model) -> int:
+    """The number of traverses that a model was learned from."""
+    return len(model.labels) // (model.places * len(model.config.views.views))
+
+
+def check_mergeable(models: Sequence[Model], paths: Sequence[Path] = ()) -> None:
+    """Refuse models that cannot be merged.
+
+    Args:
+        models: The models.
+        paths: Their files, for messages; none: they are not known.
+    Raises:
+        ConfigError, InputError, ModelFileError: as `lava_vpr.maps.merge`.
+    """
+    if len(models) < 2:
+        raise InputError("there is nothing to merge; give two models or more")
+    first, files = models[0], [*paths, *[None] * (len(models) - len(paths))]
+    for number, (model, path) in enumerate(zip(models, files, strict=True), start=1):
+        check_learned(model, "merging", path)
+        name = f"model {number}" if path is None else f"{shown(path)}: the model"
+        different = _first_difference(asdict(first.config), asdict(model.config))
+        if different is not None:
+            setting, ours, theirs = different
+            raise ConfigError(
+                f"{name} was trained with {setting} {brief(theirs)}, the first with {brief(ours)}; train one of them "
+                "again with the settings of the other"
+            )
+        if not _measure_alike(first, model):
+            raise ConfigError(
+                f"{name} measures vectors by references of its own; train it again with --standard and the first model"
+            )
+        if traverses_of(model) != traverses_of(first):
+            raise InputError(
+                f"{name} was learned from {_counted(traverses_of(model))}, the first from "
+                f"{_counted(traverses_of(first))}; merge models of as many"
+            )
+    places, neurons = sum(model.places for model in models), sum(model.neurons for model in models)
+    check_whole(first.config, places, traverses_of(first), neurons)
+
+
+def _measure_alike(one: Model, other: Model) -> bool:
+    """Whether both measure vectors by the same standard, or neither has one."""
+    if one.standard is None or other.standard is None:
+        return one.standard is other.standard
+    return one.standard.same(other.standard)
+
+
+def check_positions(routes: Sequence[LearnedRoute]) -> None:
+    """Refuse parts of which some know where their places are and some do not, or in frames that do not compare.
+
+    Raises:
+        InputError: they are such parts.
+    """
+    known = [route.positions for route in routes if route.positions is not None]
+    if known and len(known) < len(routes):
+        raise InputError(
+            "some places have positions and others have none, but a map has all or none; give positions for all, or "
+            "train without"
+        )
+    if known:
+        frames.joined([positions.take(slice(0, 0)) for positions in known])
+
+
+def _first_difference(ours: dict[str, Any], theirs: dict[str, Any], section: str = "") -> tuple[str, Any, Any] | None:
+    """The name and both values of the first setting that differs."""
+    for key, own in ours.items():
+        other = theirs.get(key)
+        if isinstance(own, dict) and isinstance(other, dict):
+            found = _first_difference(own, other, f"{section}{key}.")
+            if found is not None:
+                return found
+        elif own != other:
+            return f"{section}{key}", own, other
+    return None
+
+
+def _counted(traverses: int) -> str:
+    return f"{traverses} traverse{'s' if traverses != 1 else ''}"
+
+
+def _of_file(path: Path | None) -> str:
+    return "" if path is None else f"{shown(path)}: "

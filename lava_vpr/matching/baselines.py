@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.storage.npy import read_array
+from lava_vpr.storage.arrays import read_array
 from lava_vpr.storage.text import shown
 
 Scores = NDArray[np.float64]

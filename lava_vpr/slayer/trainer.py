@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import Config
+from lava_vpr.config import Config, IntegerConfig, integer_config
 from lava_vpr.encoding import query_rates16, training_rates
 from lava_vpr.engine.inference import fixed, quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import Shown
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys
-from lava_vpr.gate import IntegerConfig, integer_config
 from lava_vpr.inputs.augment import augmented
 from lava_vpr.model import Stretch
 from lava_vpr.slayer import forward

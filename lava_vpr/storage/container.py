@@ -5,7 +5,7 @@ entry ``header`` is UTF-8 JSON. Equal content gives equal bytes. Files are writt
 the disk and renamed, so that a crash or a full disk leaves what was there before.
 
 A right checksum says that a file is whole, not that it is honest: what it unpacks to is bounded by `model_bytes`
-(`lava_vpr.storage.archives`), and each entry must be what its own header says, to the byte.
+(`lava_vpr.storage.arrays`), and each entry must be what its own header says, to the byte.
 """
 
 from __future__ import annotations
@@ -23,9 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ModelFileError
-from lava_vpr.storage.archives import ARCHIVE_ERRORS, ArchiveLimitError, check_budget, entries_of, unpacked
+from lava_vpr.storage.arrays import ARCHIVE_ERRORS, ArchiveLimitError, array_of, check_budget, entries_of, unpacked
 from lava_vpr.storage.limits import excess
-from lava_vpr.storage.npy import array_of
 from lava_vpr.storage.reading import parse_json, read_bytes
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import write_atomically

@@ -1,18 +1,27 @@
-"""Writing files: under a temporary name, flushed to the disk and renamed; what stood there keeps its permissions."""
+"""Writing files: under a temporary name, flushed to the disk and renamed; what stood there keeps its permissions.
+
+A lock beside a file keeps two processes from writing it at once, which would lose the work of one. Temporary folders
+are gone when they have served, also after Ctrl-C, SIGTERM and SIGHUP.
+"""
 
 from __future__ import annotations
 
 import errno
+import fcntl
 import glob
 import hashlib
 import os
+import shutil
 import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+from lava_vpr.errors import LavaRunError, ModelFileError
 from lava_vpr.interrupts import held
+from lava_vpr.storage.text import shown
 
 
 def read_only(path: Path) -> bool:
@@ -102,3 +111,119 @@ def _hand_on(before: os.stat_result, handle: int) -> None:
         except OSError:
             mode &= 0o777  # set-id bits are for their owner alone
     os.fchmod(handle, mode)
+
+
+@contextmanager
+def only_one(path: Path) -> Iterator[None]:
+    """Hold ``path`` for this process, by a lock on an empty hidden file beside it that is removed at the end.
+
+    The lock ends with the process, however that ends: a file that a killed process left locks nobody out, and the next
+    holder removes it.
+
+    Raises:
+        ModelFileError: another process holds it; or something else stands where the lock should, and is left alone.
+    """
+    target = Path(os.path.realpath(path))
+    lock = target.with_name(temporary_prefix(target) + "lock")
+    handle: int | None = None
+    try:
+        with held():  # what was made is known
+            handle = _locked(path, lock)
+        yield
+    finally:
+        if handle is not None:
+            with held():
+                if _names(lock, handle):
+                    lock.unlink(missing_ok=True)
+                os.close(handle)
+
+
+def _locked(path: Path, lock: Path) -> int:
+    """`_held`, with errors that speak of ``path``."""
+    try:
+        return _held(lock)
+    except BlockingIOError:
+        raise ModelFileError(f"{shown(path)}: another training is writing it; wait, or choose another name") from None
+    except OSError as error:
+        remedy = "free space" if error.errno == errno.ENOSPC else "remove that"
+        raise ModelFileError(
+            f"{shown(path)}: cannot be locked ({shown(lock.name)} beside it: {error.strerror}); {remedy} or choose "
+            "another place"
+        ) from None
+
+
+def _held(lock: Path) -> int:
+    """An open handle of the file ``lock``, locked, while the name is that file's.
+
+    Raises:
+        OSError: see `only_one`.
+    """
+    while True:
+        handle = _opened(lock)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _names(lock, handle):
+                return handle
+        except BaseException:
+            os.close(handle)
+            raise
+        os.close(handle)  # who held it removed the file after we had opened it: the lock is on no name any more
+
+
+def _opened(lock: Path) -> int:
+    """An open handle of the file ``lock``, made if there is none; nothing in it changes.
+
+    A link is not followed and a pipe not waited for; what holds data, or is no file, is no lock of ours.
+    """
+    try:
+        handle = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise OSError(errno.EEXIST, "a symbolic link, not a lock") from None
+        raise
+    status = os.fstat(handle)
+    if stat.S_ISREG(status.st_mode) and not status.st_size:
+        return handle
+    os.close(handle)
+    raise OSError(errno.EEXIST, "data, not a lock" if stat.S_ISREG(status.st_mode) else "not a file")
+
+
+def _names(lock: Path, handle: int) -> bool:
+    """Whether the name ``lock`` is that of the open file."""
+    try:
+        return os.path.samestat(os.stat(lock, follow_symlinks=False), os.fstat(handle))
+    except OSError:
+        return False
+
+
+PREFIX = "lava-vpr-"
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """A new folder, ours alone, that is removed with all it holds at the end of the block.
+
+    Only SIGKILL and a loss of power leave it behind.
+
+    Raises:
+        LavaRunError: there is no place for it.
+    """
+    folder: Path | None = None
+    try:
+        with held():
+            folder = _made()
+        yield folder
+    finally:
+        if folder is not None:
+            with held():
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def _made() -> Path:
+    """Make the folder."""
+    try:
+        return Path(tempfile.mkdtemp(prefix=PREFIX))
+    except OSError as error:
+        raise LavaRunError(
+            f"no temporary folder can be made ({error}); set TMPDIR to one that can be written"
+        ) from error

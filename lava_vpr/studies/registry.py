@@ -7,13 +7,12 @@ from dataclasses import replace
 from functools import partial
 from itertools import product
 
-from lava_vpr.config import Config
+from lava_vpr.config import Config, integer_config
 from lava_vpr.configfile import update
 from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.errors import ConfigError
 from lava_vpr.experiments.grid import Outcome
 from lava_vpr.experiments.task import FACTS, NETWORK, Route, baselines, counted, judged, judged_scores, learned, measure
-from lava_vpr.gate import integer_config
 from lava_vpr.matching import equations
 from lava_vpr.model import decode
 from lava_vpr.rows.registry import Registry

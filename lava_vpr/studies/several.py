@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
-from lava_vpr.config import Config
+from lava_vpr.config import Config, integer_config
 from lava_vpr.configfile import update
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.random import presentation_key, uniform
@@ -29,7 +29,6 @@ from lava_vpr.experiments.task import (
     modelled,
     references_counted,
 )
-from lava_vpr.gate import integer_config
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching import decoders, ensembles
 from lava_vpr.matching.certainty import best

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
-from lava_vpr.config import Config
+from lava_vpr.config import Config, as_integer_config, integer_config
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine import effort
 from lava_vpr.engine.conductance.model import ConductanceState
@@ -25,7 +25,6 @@ from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.learning import stdp
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
-from lava_vpr.gate import as_integer_config, integer_config
 from lava_vpr.inputs.encoded import Keep
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.inputs.vectors import Standard

@@ -13,12 +13,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import Config
+from lava_vpr.config import Config, IntegerConfig, as_integer_config, integer_config
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.learning import integer, stdp
 from lava_vpr.engine.learning.recruiting import Thresholds
 from lava_vpr.errors import ConfigError
-from lava_vpr.gate import IntegerConfig, as_integer_config, integer_config
 from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Stretch
 from lava_vpr.rows.registry import Registry

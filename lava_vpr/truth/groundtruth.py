@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError, brief
-from lava_vpr.storage.npy import read_array
+from lava_vpr.storage.arrays import read_array
 from lava_vpr.storage.reading import parse_json
 from lava_vpr.storage.tables import file_text, text_lines
 from lava_vpr.storage.text import shown

@@ -13,8 +13,15 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError, brief
 from lava_vpr.positions.frames import XY, Positions
-from lava_vpr.storage.archives import ARCHIVE_ERRORS, ArchiveLimitError, check_budget, entries_of, unpacked
-from lava_vpr.storage.npy import array_of, read_array
+from lava_vpr.storage.arrays import (
+    ARCHIVE_ERRORS,
+    ArchiveLimitError,
+    array_of,
+    check_budget,
+    entries_of,
+    read_array,
+    unpacked,
+)
 from lava_vpr.storage.reading import open_regular
 from lava_vpr.storage.text import shown
 from lava_vpr.vectors.source import REMEDY, Vectors, checked_vectors

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 from support.common.small_models import encoded, small_model, tiny_paper
 
-from lava_vpr.config import preset
+from lava_vpr.config import as_integer_config, integer_config, preset
 from lava_vpr.errors import ConfigError
-from lava_vpr.gate import as_integer_config, integer_config
 from lava_vpr.model import as_integer, integer_model
 from lava_vpr.training.loop import train
 

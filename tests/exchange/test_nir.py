@@ -15,6 +15,7 @@ from support.common.small_models import small_config, small_model, tiny_paper
 
 from lava_vpr import model as model_file
 from lava_vpr.cluster.tasks import ONE_THREAD
+from lava_vpr.config import integer_config
 from lava_vpr.engine.inference.biases import held_biases
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ConfigError, InputError, LavaVprError, ModelFileError
@@ -22,7 +23,6 @@ from lava_vpr.exchange import nir_reading, nir_writing
 from lava_vpr.exchange.drawn import digest, whole
 from lava_vpr.exchange.formats import FORMATS, FileOptions, format_of
 from lava_vpr.exchange.opening import imported
-from lava_vpr.gate import integer_config
 from lava_vpr.model import IntegerModel, Model, integer_model
 from lava_vpr.training.measuring import measured_responses
 

@@ -15,7 +15,7 @@ from support.fuzz.corpus import PLACES, Corpus
 
 from lava_vpr import maps
 from lava_vpr import model as model_file
-from lava_vpr.backends.opening import open_model
+from lava_vpr.backends.asking import open_model
 
 Arrays = dict[str, Any]
 Change = Callable[[Any, Arrays], object]

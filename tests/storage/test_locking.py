@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from lava_vpr.errors import ModelFileError
-from lava_vpr.storage.locking import only_one
+from lava_vpr.storage.writing import only_one
 
 
 def test_a_file_is_held_by_one_only(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.storage.npy import array_of, read_array
+from lava_vpr.storage.arrays import array_of, read_array
 
 
 def npy(array: NDArray[Any]) -> bytes:

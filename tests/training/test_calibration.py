@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from support.common.small_models import encoded, small_config, small_model
 
 from lava_vpr import model as model_file
-from lava_vpr.backends.opening import calibration_of
+from lava_vpr.backends.asking import calibration_of
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
 from lava_vpr.configfile import update

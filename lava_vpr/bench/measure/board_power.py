@@ -17,7 +17,7 @@ from lava_vpr.deploy.running.board_program import run_program
 from lava_vpr.errors import LavaRunError
 from lava_vpr.model import Model, checked_network
 from lava_vpr.storage.reading import parse_json, read_bytes
-from lava_vpr.storage.temporary import temporary_folder
+from lava_vpr.storage.writing import temporary_folder
 
 STEPS = 100_000
 """Least steps of a run; queries are repeated. Source: public measurements of idle power of Loihi and

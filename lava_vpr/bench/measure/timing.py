@@ -36,7 +36,7 @@ from lava_vpr.inputs.vectors import Standard
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.localizer import Localizer
 from lava_vpr.model import Model
-from lava_vpr.storage.temporary import temporary_folder
+from lava_vpr.storage.writing import temporary_folder
 from lava_vpr.traverse import Traverse
 
 SINGLES, SINGLE_SECONDS = 1000, 8.0

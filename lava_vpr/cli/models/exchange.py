@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from lava_vpr import model as model_file
-from lava_vpr.backends.opening import open_model
+from lava_vpr.backends.asking import open_model
 from lava_vpr.cli.common import PATH, Number, RegisteredName, console, stage, stderr
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.train import describe, tell
@@ -15,8 +15,8 @@ from lava_vpr.engine.presentations import cores
 from lava_vpr.exchange.formats import FORMATS, TIME_STEP, FileOptions, format_of
 from lava_vpr.exchange.opening import imported
 from lava_vpr.model import integer_model
-from lava_vpr.storage.locking import only_one
 from lava_vpr.storage.text import shown
+from lava_vpr.storage.writing import only_one
 
 _FORMAT = "Format of the file (default: the one of its ending)."
 

@@ -23,11 +23,11 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError, ModelFileError
 from lava_vpr.learning.references import encode_references, located_each
-from lava_vpr.maps import checks
+from lava_vpr.maps.parts import check_extension, check_learned
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import Positions
-from lava_vpr.storage.locking import only_one
 from lava_vpr.storage.text import shown
+from lava_vpr.storage.writing import only_one
 from lava_vpr.training.measuring import calibrated
 from lava_vpr.training.preparing import check_references
 from lava_vpr.training.stretches import learning_bar
@@ -86,13 +86,13 @@ def extend(
     target = model_path if output is None else output
     with _changed(model_path, target, images, (*where["positions"], *map(Path, where["stamps"]))) as outputs:
         model, pool = model_file.load(model_path), Pool(jobs or cores())
-        checks.check_learned(model, "extending", model_path)
+        check_learned(model, "extending", model_path)
         whole = open_traverses(images, every=every, events=model.config.events)
         outputs.spare(path for traverse in whole for path in traverse.paths)
         ranges = [traverse.between(*places) if places else traverse for traverse in whole]
         chosen = located_each(ranges, [len(traverse) for traverse in whole], **where)
         check_references([len(traverse) for traverse in chosen], images, least=1)
-        stretches = checks.check_extension(model, len(chosen[0]), len(chosen), model_path)
+        stretches = check_extension(model, len(chosen[0]), len(chosen), model_path)
         known = _positions(model, chosen[0], bool(where["positions"]), model_path)
         references = encode_references(chosen, model.config, model.standard, TERMINAL)
         extending, started = partial(maps.extend, model, references), time.perf_counter()
@@ -119,7 +119,7 @@ def remove(model_path: Path, places: tuple[tuple[int, int], ...], output: Path |
     target = model_path if output is None else output
     with _changed(model_path, target):
         model = model_file.load(model_path)
-        checks.check_learned(model, "removing places", model_path)
+        check_learned(model, "removing places", model_path)
         indices = _indices(model, places, model_path)
         with stage(f"joining what is left of {model.places:,} places"):
             made = maps.remove(model, indices, pool=Pool(jobs or cores()))

@@ -14,7 +14,7 @@ from support.common import children
 from support.common.commands import PLACES, fails, images, listed, run
 
 from lava_vpr import model
-from lava_vpr.storage.locking import only_one
+from lava_vpr.storage.writing import only_one
 
 SETTINGS = ("--config", "quick.toml", "--stretch", 3, "--jobs", 2)
 

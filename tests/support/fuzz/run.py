@@ -38,7 +38,7 @@ from support.fuzz import changes, corpus
 from support.fuzz.changes import SPECIAL, Files
 from support.fuzz.corpus import IMAGE_LISTS, PLACES, SETTINGS, Corpus
 
-from lava_vpr.backends.opening import open_model
+from lava_vpr.backends.asking import open_model
 from lava_vpr.cli import main as command
 from lava_vpr.configfile import read_toml, to_dict, to_toml
 from lava_vpr.deploy.boards.board import BOARDS
