@@ -1,8 +1,9 @@
-"""A decoder and a kind of input are added by a row each, and every command, file and report knows them."""
+"""A decoder, a kind of input, a backend and a board are added by a row each, and all commands and files know them."""
 
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,21 +13,29 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.common.commands import fails, run
+from support.common.commands import PLACES, fails, figures, run
 
 from lava_vpr import model as model_file
+from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import BackendRow, Presentations
+from lava_vpr.backends.registry import BACKENDS
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, DecoderConfig
+from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY, Board
+from lava_vpr.deploy.bundle import targets
+from lava_vpr.deploy.bundle.targets import TARGETS, Target
 from lava_vpr.encoding import encode_traverse
-from lava_vpr.errors import ConfigError, ModelFileError
+from lava_vpr.errors import BackendUnavailableError, ConfigError, ModelFileError
 from lava_vpr.inputs.encoder import INPUTS, ChannelLayout, EncoderConfig, Input
 from lava_vpr.matching import certainty
 from lava_vpr.matching.decoders import DECODERS, Decoder, Reading, in_every_variant
 from lava_vpr.matching.equations import ScoresOf
+from lava_vpr.model import Model
 from lava_vpr.recognition import count_query_spikes
 from lava_vpr.synthetic.world import write_traverses
 from lava_vpr.traverse import open_traverse
 
-PLACES = 5
+ROUTE = 5
 SETTINGS = "[network]\nsteps = 128\n[learning]\nsteps = 120\nepochs = 4\n[decoder]\ndefault = 'dummy'\n"
 
 
@@ -61,15 +70,15 @@ def registered() -> Iterator[None]:
 @pytest.mark.usefixtures("registered")
 def test_rows_are_all_that_the_commands_need(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    write_traverses(tmp_path, PLACES, 0)
+    write_traverses(tmp_path, ROUTE, 0)
     Path("settings.toml").write_text(SETTINGS)
     assert "dummy" in run("train", "--help").stdout
     run("train", "reference", "-o", "m.lvpr", "--config", "settings.toml", "--input", "dummy")
     table = run("eval", "m.lvpr", "query", "--json", "f.json", "--report", "r").stdout
     assert "dummy *" in table
-    figures = json.loads(Path("f.json").read_text())
-    assert figures["default_decoder"] == "dummy"
-    assert list(figures["decoders"]) == [*(name for name in DECODERS if name != "dummy"), "dummy"]
+    found = json.loads(Path("f.json").read_text())
+    assert found["default_decoder"] == "dummy"
+    assert list(found["decoders"]) == [*(name for name in DECODERS if name != "dummy"), "dummy"]
     page = Path("r/report.html").read_text(encoding="utf-8")
     for text in ("overlap of spikes", "A quarter of the pixels.", "196 (dummy)", 'alt="Weights of neuron'):
         assert text in page
@@ -77,12 +86,12 @@ def test_rows_are_all_that_the_commands_need(tmp_path: Path, monkeypatch: pytest
 
     model = model_file.load(Path("m.lvpr"))
     queries = encode_traverse(open_traverse("query"), model.config.encoder)
-    assert queries.activity.shape == (PLACES, 196)
+    assert queries.activity.shape == (ROUTE, 196)
     counts, _ = count_query_spikes(model, queries)
     scores = overlap(model.responses, Reading())(counts)
     assert scores.any()
-    ranks = (scores > scores[np.arange(PLACES), np.arange(PLACES)][:, None]).sum(axis=1)
-    assert figures["decoders"]["dummy"]["recall_at_n"]["5"] == np.mean(ranks < 5)
+    ranks = (scores > scores[np.arange(ROUTE), np.arange(ROUTE)][:, None]).sum(axis=1)
+    assert found["decoders"]["dummy"]["recall_at_n"]["5"] == np.mean(ranks < 5)
 
     INPUTS.remove("dummy")  # the file outlives the row
     with pytest.raises(ModelFileError, match=r"encoder\.kind is 'dummy', but must be one of orientation, filters"):
@@ -110,3 +119,98 @@ def test_a_decoder_without_a_variant_is_refused(part: dict[str, Any], message: s
     with pytest.raises(TypeError, match=message):
         DECODERS.register(replace(DUMMY_DECODER, **part))
     assert "dummy" not in DECODERS
+
+
+class Dummy(HostBackend):
+    """The host once more; it says what it does."""
+
+    def count_spikes(self, model: Model, shown: Presentations) -> tuple[NDArray[np.int32], dict[str, int]]:
+        logging.getLogger("lava_vpr").warning("the dummy counts %d queries", len(shown.rates))
+        return super().count_spikes(model, shown)
+
+
+DUMMY_BACKEND = BackendRow(
+    "dummy",
+    "the host once more",
+    make=lambda threads, advance: Dummy(Pool(threads)),
+    unavailable=lambda: None,
+    counts_only=True,
+)
+DUMMY_BOARD = replace(KAPOHO_BAY, name="dummy", title="Dummy", chips=1, cores=4, compartments=30)
+DUMMY_TARGET = replace(TARGETS["kapoho-bay"], name="dummy")
+
+
+@pytest.fixture
+def backend() -> Iterator[None]:
+    """With the backend ``dummy``."""
+    BACKENDS.register(DUMMY_BACKEND)
+    yield
+    BACKENDS.remove("dummy")
+
+
+@pytest.fixture
+def board() -> Iterator[None]:
+    """With the board ``dummy``."""
+    BOARDS.register(DUMMY_BOARD)
+    TARGETS.register(DUMMY_TARGET)
+    yield
+    TARGETS.remove("dummy")
+    BOARDS.remove("dummy")
+
+
+@pytest.mark.usefixtures("here", "backend")
+def test_commands_use_a_new_backend() -> None:
+    assert figures("query", "--backend", "dummy") == figures("query")
+    told = run("eval", "m.lvpr", "query", "--backend", "dummy").stderr
+    assert f"note: the dummy counts {PLACES} queries\n" in told
+    result = run("verify", "m.lvpr", "query", "--limit", 2, "--backend", "dummy", "--json", "v.json")
+    assert "every spike equal" in result.stdout
+    verdict = json.loads(Path("v.json").read_text())["backends"]["dummy"]
+    assert (verdict["available"], verdict["equal"], verdict["queries"]) == (True, True, 2)
+    assert "the host once more" in run("doctor").stdout
+
+
+@pytest.mark.usefixtures("here")
+def test_a_backend_that_was_removed_is_unknown() -> None:
+    assert "'dummy' is not one of 'host', 'lava-fixed'" in fails(
+        "eval", "m.lvpr", "query", "--backend", "dummy", code=2
+    )
+    with pytest.raises(BackendUnavailableError, match=r"^there is no backend 'dummy'; choose from host, lava-fixed"):
+        BACKENDS["dummy"]
+
+
+@pytest.mark.usefixtures("here", "board")
+def test_commands_use_a_new_board() -> None:
+    assert "bits a weight" in run("fit", "--target", "dummy", "--weight-bits", 3).stdout
+    run("fit", "m.lvpr", "--target", "dummy", "--json", "f.json")
+    placed = json.loads(Path("f.json").read_text())
+    assert placed["target"] == "dummy"
+    assert all(sum(part["size"] for part in core["parts"]) <= 30 for core in placed["mapping"]["cores"])
+    run("deploy", "m.lvpr", "--target", "dummy", "-o", "b")
+    manifest = json.loads(Path("b/manifest.json").read_text())
+    assert (manifest["target"], manifest["limits"]["cores"]) == ("dummy", 4)
+    assert "# A place network for Dummy\n" in Path("b/README.md").read_text()
+    result = run("verify", "b", "query", "--limit", 2, "--backend", "bundle")
+    assert "every spike equal" in result.stdout
+
+
+@pytest.mark.usefixtures("here")
+def test_a_board_that_was_removed_is_unknown() -> None:
+    assert "'dummy' is not one of 'kapoho-bay', 'loihi2'" in fails("fit", "m.lvpr", "--target", "dummy", code=2)
+
+
+def test_a_board_without_a_target_is_refused() -> None:
+    assert set(TARGETS) == set(BOARDS)
+    BOARDS.register(DUMMY_BOARD)
+    try:
+        with pytest.raises(TypeError, match=r"^board 'dummy' has no target; register one in lava_vpr\.deploy\.bundle"):
+            targets.check_targets()
+    finally:
+        BOARDS.remove("dummy")
+
+
+def test_every_row_is_complete() -> None:
+    assert all(isinstance(row, Board) for row in BOARDS.values())
+    assert all(isinstance(row, Target) for row in TARGETS.values())
+    assert {row.board for row in BACKENDS.values()} - {None} <= set(BOARDS)
+    assert next(iter(BACKENDS)) == "host"
