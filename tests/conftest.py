@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,17 @@ def pytest_pycollect_makemodule(module_path: Path, parent: Any) -> pytest.Module
     module = NeedsLava.from_parent(parent, path=module_path)
     module.add_marker(pytest.mark.lava)
     return module
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the cases of a test beyond its ``quick(n)`` as slow, before ``-m`` selects by marks."""
+    cases: Counter[Any] = Counter()
+    for item in items:
+        if (mark := item.get_closest_marker("quick")) and isinstance(item, pytest.Function):
+            cases[item.function] += 1
+            if cases[item.function] > mark.args[0]:
+                item.add_marker(pytest.mark.slow)
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -60,6 +60,7 @@ def test_a_bundle_gives_its_model_back(model: Model, board: Any, tmp_path: Path)
     assert back.config == model.config
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("mode", ["injected", "bias"])
 def test_equal_models_give_equal_bundles(mode: str, tmp_path: Path) -> None:
     config = update(small_model().config, {"network": {"input_mode": mode}})

@@ -147,11 +147,13 @@ def test_every_backend_on_a_synthetic_route(here: Path, monkeypatch: pytest.Monk
     assert "not available" in result.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.lava
 def test_eval_on_a_lava_backend_gives_the_hosts_figures(here: Path) -> None:
     assert figures("query", "--backend", "lava-fused") == figures("query")
 
 
+@pytest.mark.quick(1)
 @pytest.mark.lava
 @pytest.mark.parametrize("name", ["lava-fixed", "lava-library", "lava-fused"])
 def test_counts_and_events_are_the_hosts(name: str) -> None:
@@ -166,6 +168,7 @@ def test_counts_and_events_are_the_hosts(name: str) -> None:
     assert same == events
 
 
+@pytest.mark.slow
 @pytest.mark.lava
 def test_integer_backends_refuse_the_float_model() -> None:
     config = update(tiny_paper(), {"network": {"steps": 1000}})  # two spikes a query

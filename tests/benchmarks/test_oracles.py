@@ -253,6 +253,7 @@ def test_missing_and_foreign_results_are_errors(tmp_path: Path) -> None:
     assert not read_result(tmp_path / "d.npz", problem).differs(expected)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("spike", [None, True, False])
 def test_the_program_fails_when_one_entry_differs(spike: bool | None, monkeypatch: pytest.MonkeyPatch) -> None:
     def answers(simulator: str, problems: Sequence[Problem]) -> list[Result]:

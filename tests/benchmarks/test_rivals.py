@@ -36,6 +36,7 @@ def test_all_in_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "make peers" in brian.absent
 
 
+@pytest.mark.slow
 def test_what_is_timed_of_vprtempo_is_what_recall_counts() -> None:
     model, queries, truth = small_model(), encoded(noise=0.1), np.eye(8, dtype=bool)
     rng = np.random.default_rng(4)

@@ -85,6 +85,7 @@ def again(seed: int, answered: dict[str, Any]) -> CrossCheck:
     return compare(own.plan, own.trains, answered, input_core=own.input_core, tiles=tiles)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("seed", [0, 3, 7, 8, 22, 28])
 def test_the_closed_form_is_what_events_one_by_one_sum_to(seed: int, tmp_path: Path) -> None:
     own = case(seed)

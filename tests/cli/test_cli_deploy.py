@@ -211,6 +211,7 @@ def test_deploy_compresses_and_tells_recall_before_and_after(here: Path) -> None
     assert "search" not in done["compression"]
 
 
+@pytest.mark.slow
 def test_deploy_searches_for_the_cheapest_weights(here: Path) -> None:
     words = ("deploy", "m.lvpr", "--target", "kapoho-bay", "-o", "b", "--calibrate", "query", "--places", "2:8")
     text = run(*words, "--max-loss", 0.2).stdout

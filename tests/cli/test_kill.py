@@ -87,6 +87,7 @@ def unbroken(options: list[str]) -> bytes:
     return Path("whole.lvpr").read_bytes()
 
 
+@pytest.mark.slow
 def test_killed_again_and_again(here: Path) -> None:
     """SIGKILL while it learns, in the middle of writing a checkpoint, and again; then to the end."""
     options = ["--epochs", "100", "--stretch", "4", "--jobs", "2"]

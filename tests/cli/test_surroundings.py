@@ -60,6 +60,7 @@ def test_letters_that_the_terminal_lacks(here: Path) -> None:
     assert r"q\u2713\udcff.csv" in ended.out
 
 
+@pytest.mark.slow
 def test_neither_home_nor_name(here: Path) -> None:
     """A user whom no list knows, as in a container with a number for a user, and who has no cache yet."""
     why = no_stranger()

@@ -184,6 +184,7 @@ MAKING = (
 )
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("number", "function", "words"), MAKING, ids=[f"{n.name}-{w[0]}" for n, _, w in MAKING])
 def test_told_to_stop_when_something_was_made(
     here: Path, number: signal.Signals, function: str, words: tuple[str, ...]
@@ -194,6 +195,7 @@ def test_told_to_stop_when_something_was_made(
     assert (ended.code, ended.err, ended.left, ended.made) == (-number, "\nAborted!\n", [], [])
 
 
+@pytest.mark.slow
 def test_told_to_stop_between_the_notes_and_the_table(here: Path) -> None:
     """The bundle is written and its notes are told: it stays, whole, and one line says that the table is missing."""
     words = ("deploy", "m.lvpr", "--target", "loihi2", "-o", "bundle")
@@ -213,6 +215,7 @@ def test_told_to_stop_while_it_waits_for_another_program(here: Path) -> None:
     assert (ended.code, ended.err, ended.left, ended.made) == (-signal.SIGTERM, "\nAborted!\n", [], [])
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("number", EACH)
 def test_told_to_stop_where_another_exception_is_raised_instead(here: Path, number: int) -> None:
     """Python says of a class that could not be made why, as a RuntimeError; the signal was why."""
@@ -223,6 +226,7 @@ def test_told_to_stop_where_another_exception_is_raised_instead(here: Path, numb
     assert not ended.left
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("number", EACH)
 def test_told_to_stop_when_its_work_is_over(here: Path, number: int) -> None:
     program = [sys.executable, "-c", AT_FINISH, str(int(number))]
@@ -232,6 +236,7 @@ def test_told_to_stop_when_its_work_is_over(here: Path, number: int) -> None:
     assert not ended.left
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("number", EACH)
 def test_told_to_stop_when_all_is_done(here: Path, number: int) -> None:
     """What is done is called done: the process ends before it takes anything apart."""
@@ -294,6 +299,7 @@ def test_told_twice(here: Path) -> None:
         assert not ended.left
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("number", EACH)
 def test_within_a_library_that_does_not_return(here: Path, number: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(surroundings, "DEADLINE", 60.0)

@@ -152,6 +152,7 @@ def started(*words: object, **options: Any) -> children.Child:
     return children.Child(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, **options)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 1), (signal.SIGTERM, -signal.SIGTERM)])
 def test_a_folder_that_is_written_until_somebody_stops_it(number: int, code: int, here: Path) -> None:
     """Each image is answered before the next is written, as whoever reads the lines sees them."""

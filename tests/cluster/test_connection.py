@@ -87,6 +87,7 @@ def strict(tmp_path: Path) -> Iterator[DaskCluster]:
     made.end()
 
 
+@pytest.mark.slow
 def test_more_deaths_than_the_scheduler_allows_do_not_end_a_run(strict: DaskCluster, tmp_path: Path) -> None:
     """Dask gives the task up; here it is submitted again, for it may be chance."""
     strict.workers += [strict.add()]
@@ -125,6 +126,7 @@ def test_a_scheduler_that_is_lost(own: DaskCluster) -> None:
     )
 
 
+@pytest.mark.slow
 def test_workers_that_do_not_come_back(own: DaskCluster) -> None:
     worker = own.add()
     with connected(own.address) as found:

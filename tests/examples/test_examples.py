@@ -45,6 +45,7 @@ def test_a_bag_is_replayed(here: Path) -> None:
     assert [line[6] == "accepted" for line in lines] == [one["accepted"] for one in wanted]
 
 
+@pytest.mark.slow
 def test_a_bag_is_replayed_as_fast_as_it_was(here: Path) -> None:
     path = bag(Path("drive"), frames(map(read_image, images("query")[:3]), 0.5))
     done = replayed("m.lvpr", path, "--every", 0.5, "--rate", 2)

@@ -53,6 +53,7 @@ def test_one_that_cannot_be_started() -> None:
         run_child(["/nowhere/program"], seconds=1)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("then", ["time.sleep(60)", "sys.stdout.close(); sys.exit(0)"])
 def test_nothing_outlives_the_call(then: str, tmp_path: Path) -> None:
     """Neither one that takes too long, nor what one that ended has started: it would keep the pipes open."""

@@ -154,6 +154,7 @@ def test_several_at_once(place: Place) -> None:
     assert ends == {"none": {"done": True}, "raise": LavaRunError}
 
 
+@pytest.mark.quick(2)
 @pytest.mark.lava
 @pytest.mark.parametrize(
     ("what", "line", "more"),
@@ -242,6 +243,7 @@ def test_it_takes_too_long(place: Place, target: str, stands: str, monkeypatch: 
     assert re.search(r"(models|lava_targets)\.py\", line \d+ in (act|run_spk|fail)", text)
 
 
+@pytest.mark.quick(3)
 @pytest.mark.lava
 @pytest.mark.parametrize(
     ("who", "name", "number"),
@@ -317,6 +319,7 @@ def wait_until(what: Callable[[], bool]) -> bool:
     return True
 
 
+@pytest.mark.quick(1)
 @pytest.mark.lava
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_the_caller_is_ended(place: Place, number: signal.Signals) -> None:

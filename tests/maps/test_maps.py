@@ -82,6 +82,7 @@ def file_of(made: Model, folder: Path) -> bytes:
     return (folder / "m.lvpr").read_bytes()
 
 
+@pytest.mark.quick(9)
 @pytest.mark.parametrize(
     ("kind", "options"),
     [

@@ -86,6 +86,7 @@ def host_raster(
     return np.diff(totals, axis=0).transpose(1, 0, 2)
 
 
+@pytest.mark.slow
 def test_every_spike_of_the_frozen_network_equals_the_host_engine() -> None:
     config = small()
     state = initial_state(config, INPUTS)

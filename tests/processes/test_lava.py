@@ -35,6 +35,7 @@ def through_lava(cases: dict[str, tuple[FixedNetwork, NDArray[np.uint8]]]) -> di
     return run_isolated("support.lava.process_targets:present_each", arrays, options, timeout=240)
 
 
+@pytest.mark.slow
 @pytest.mark.lava
 def test_every_spike_equals_lavas_library() -> None:
     cases, films = {}, {}

@@ -117,6 +117,7 @@ def one_presentation(phase: IntegerLearning, given: Start | None = None, **optio
     return run_isolated(LIBRARY, arrays, {"learning": options_of(phase), "rng_seed": 7, **options}, timeout=120)
 
 
+@pytest.mark.slow
 def test_the_library_alone_equals_the_host_engine() -> None:
     state, rates, keys = start()
     found, own = one_presentation(PLAIN), one_presentation(PLAIN, own=True)
@@ -278,6 +279,7 @@ def test_a_network_that_cannot_be_is_refused() -> None:
         LearningPlaceNetwork(learning=COMPETITION, state=high, keys=keys)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("phase", "text"),
     [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
@@ -52,13 +53,19 @@ EVERY = ("b3_signed", "b3_regular")
 """Networks that are run by every job."""
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
-    "small", [pytest.param({}, id="direct"), pytest.param(SMALL_LIMITS, id="leaves and relays", marks=pytest.mark.slow)]
+    ("names", "small"),
+    [
+        pytest.param(["b3_signed", "b8"], {}, id="two"),
+        pytest.param(NETWORKS, {}, id="direct"),
+        pytest.param(NETWORKS, SMALL_LIMITS, id="leaves and relays"),
+    ],
 )
-def test_networks_in_lava_equal_the_host(small: dict[str, int]) -> None:
+def test_networks_in_lava_equal_the_host(names: Collection[str], small: dict[str, int]) -> None:
     # All widths: test_many_random_place_networks_equal_lavas_library.
     with limits(**small):
-        networks = {name: random_network(**own) for name, own in NETWORKS.items()}
+        networks = {name: random_network(**NETWORKS[name]) for name in names}
         assert {(own.depth, own.input_delay) for own in networks.values()} == {(2, 2) if small else (1, 1)}
         cases = {
             name: (network, some_input(network, 4), FIXED + FLOAT if name in EVERY else FIXED[1:])

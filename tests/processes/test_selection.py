@@ -105,6 +105,7 @@ def test_every_process_is_for_a_board_or_said_not_to_be() -> None:
     assert set(MADE) == {*FOR_A_BOARD, *BESIDE, "FusedPlaceNetwork"}
 
 
+@pytest.mark.slow
 def test_without_asking_for_sub_process_models_all_end_on_the_cpu() -> None:
     """Lava does so without a word; the walk sees it."""
     rows = on_a_board("resolved", names=list(FOR_A_BOARD), sub=False)
@@ -129,6 +130,7 @@ def test_those_beside_the_chip_and_the_fused_network_stay_on_the_cpu() -> None:
     assert [(row[0], row[4]) for row in rows] == [(name, "CPU") for name in (*BESIDE, "FusedPlaceNetwork")]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("bias_input", [True, False], ids=["inputs on the chip", "injected"])
 def test_a_whole_network_compiles_with_nothing_else_on_the_cpu(bias_input: bool) -> None:
     rows = on_a_board("compiled", bias_input=bias_input)

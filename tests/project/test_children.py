@@ -95,6 +95,7 @@ def gone(pid: int) -> bool:
     return True
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("then", ["sleep 600", "true"])
 def test_nothing_is_left_of_a_child_that_takes_too_long(then: str) -> None:
     """Neither of one that still runs nor of one that has ended, whose own child holds the pipe."""
@@ -139,6 +140,7 @@ def deaf() -> None:
     signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
 
 
+@pytest.mark.slow
 def test_children_have_default_signals_whatever_the_tests_were_started_with() -> None:
     name = f"{Path(__file__).relative_to(ROOT)}::{test_children_have_default_signals.__name__}"
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", name]

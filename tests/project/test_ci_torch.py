@@ -131,6 +131,7 @@ def test_skipping_is_no_passing(last: str, images: bool, result: tuple[str, str]
     assert ci.judged(ci.Step("tests", ("-m", "pytest")), ended._replace(code=1), images) == ("failed", "exit code 1")
 
 
+@pytest.mark.slow
 def test_pytest_is_judged_by_what_it_prints_today(tree: Path) -> None:
     (tree / "test_it.py").write_text("import pytest\ndef test_a(): pass\ndef test_b(): pytest.skip('why')\n")
     steps = [ci.Step(which, ci._pytest("test_it.py", "-k", which)) for which in ("test_b", "test_a or test_b")]

@@ -275,6 +275,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_report(example(), tmp_path_factory.mktemp("report"))
 
 
+@pytest.mark.quick(1)
 def test_the_page_runs_in_a_browser_without_a_word(report: Path) -> None:
     result = visit(report)
     assert result.console == ()

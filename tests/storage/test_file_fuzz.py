@@ -52,6 +52,7 @@ FIRST = [pytest.param(0, 250, 0), pytest.param(0, 250, 250)]
 FIRST += [pytest.param(1, 2500, first, marks=pytest.mark.slow) for first in range(0, 10_000, 2500)]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("seed", "count", "first"), FIRST)
 def test_what_is_taken_is_equal_when_it_is_written_again(seed: int, count: int, first: int, tmp_path: Path) -> None:
     done = fuzz("--seed", seed, "--count", count, "--first", first, "--log", tmp_path / "log")
@@ -69,6 +70,7 @@ PLANTED = {
 """Faults of a reader: what it does, how the run ends, and what it prints."""
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", PLANTED)
 def test_a_reader_that_fails_is_told(name: str, tmp_path: Path) -> None:
     fault, code, told = PLANTED[name]

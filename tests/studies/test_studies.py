@@ -70,6 +70,7 @@ def row(name: str, point: str) -> Row:
     return wanted
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_study_is_the_same_every_time_and_with_other_threads(name: str) -> None:
     first = json.dumps(as_json(found(name)), allow_nan=False)
@@ -298,6 +299,7 @@ def test_a_board_that_cannot_run_a_network_leaves_a_gap(monkeypatch: pytest.Monk
     assert table(one_gap).rows[1][-2:] == ("-", "-")
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", ["steps", "weighting"])
 def test_a_browser_has_nothing_to_say_of_the_page(name: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     target = tmp_path_factory.mktemp("page") / "study.html"
@@ -307,6 +309,7 @@ def test_a_browser_has_nothing_to_say_of_the_page(name: str, tmp_path_factory: p
     assert STUDIES[name].title in seen.dom
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", ["bits", "hyperactive"])
 def test_on_a_phone_nothing_sticks_out_and_words_can_be_read(name: str, tmp_path: Path) -> None:
     seen = on_phone(page(found(name)), tmp_path)

@@ -66,6 +66,7 @@ def cases() -> dict[str, tuple[Config, list[EncodedTraverse]]]:
     }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", list(cases()))
 def test_a_model_has_the_bytes_of_one_machine(at: Connection, name: str, tmp_path: Path) -> None:
     config, shown = cases()[name]
@@ -98,6 +99,7 @@ def test_training_goes_on_at_the_cluster_from_whole_epochs(at: Connection, tmp_p
     assert saved(resumed, tmp_path) == saved(train(shown, config), tmp_path)
 
 
+@pytest.mark.slow
 def test_a_lost_scheduler_leaves_the_stretches_that_had_come_back(tmp_path: Path) -> None:
     """They are in the checkpoint whole, and training goes on from it on one machine."""
     config, shown = cases()["integers"]

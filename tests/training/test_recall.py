@@ -90,6 +90,7 @@ def test_the_bounds_fail_where_learning_is_broken(what: str, journeys: Journeys)
     assert figures(learned(journeys, "loihi", BROKEN[what]), journeys)["contrast"].recall_at_1 < 0.5
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("what", "least"), [("nobody competes", 0.9), ("one neuron wins everything", 0.7)])
 def test_recruits_learn_the_places_that_competition_leaves_out(what: str, least: float, journeys: Journeys) -> None:
     changes = {**BROKEN[what]["learning"], "recruit": True}

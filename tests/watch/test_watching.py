@@ -40,6 +40,7 @@ def endless(images: list[np.ndarray]) -> Iterator[Frame]:
         number += 1
 
 
+@pytest.mark.slow
 def test_memory_is_steady_and_no_thread_is_started(localizer: Localizer, pictures: list[np.ndarray]) -> None:
     refused: list[int] = []
     answers = watch(localizer, endless(pictures), lambda index, why: refused.append(index))

@@ -268,6 +268,7 @@ def every_point(model: Model, board: Any, images: Any) -> list[tuple[float, int,
     return found
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("max_loss", [0.0, 0.13, 0.4, 1.0])
 def test_the_search_finds_the_cheapest_of_all_that_are_good_enough(max_loss: float) -> None:
     model, images = trained(), queries(noise=1.2)
@@ -356,6 +357,7 @@ def test_figures_before_and_after() -> None:
     assert less.after.operations < 0.5 * same.before.operations
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_a_hundred_real_places_lose_two_points_for_half_of_the_operations(data_root: Path) -> None:
     summer, winter = (open_traverse(data_root / "data" / "nordland" / name) for name in ("summer", "winter"))

@@ -20,6 +20,7 @@ from lava_vpr.engine.inference.fixed import count_spikes
 from lava_vpr.engine.presentations import Trains
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("bias_input", [False, True])
 @pytest.mark.parametrize("name", ["one core", "two chips"])
 def test_registers_are_those_that_the_program_accesses(

@@ -176,6 +176,7 @@ class Literal:
             self.found[name][q, t, k] += number
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("deep", [False, True])
 def test_counts_step_by_step(deep: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     if deep:

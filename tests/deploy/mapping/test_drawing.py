@@ -94,6 +94,7 @@ def lines(table_of: Plan, **options: int) -> list[list[str]]:
     return [[cell.strip() for cell in re.split("[│┃]", line)[1:-1]] for line in captured.get().splitlines()]
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("name", PLANS)
 def test_no_words_overlap_or_leave_the_page(name: str) -> None:
     figure = figure_of(PLANS[name]())
@@ -116,6 +117,7 @@ def extent(path: ElementTree.Element) -> tuple[float, float, float, float]:
     return (*numbers.min(axis=0), *numbers.max(axis=0))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", ["six cores", "bias", "scattered", "loihi 2, bias"])
 def test_each_core_shows_what_stands_on_it_in_proportion(name: str) -> None:
     shown = PLANS[name]()

@@ -64,6 +64,7 @@ def drawn(data: st.DataObject) -> tuple[FixedNetwork, Board]:
     )
 
 
+@pytest.mark.quick(2)
 @pytest.mark.usefixtures("shape")
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(data=st.data())

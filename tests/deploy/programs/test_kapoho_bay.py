@@ -133,6 +133,7 @@ def written_biases(folder: Path, biases: NDArray[np.int32]) -> None:
         np.save(folder / f"{name}.npy", array)
 
 
+@pytest.mark.quick(8)
 @pytest.mark.parametrize("simulate", [False, True])
 @pytest.mark.parametrize("name", LAYOUTS)
 @pytest.mark.parametrize("mode", MODES)
@@ -244,6 +245,7 @@ def test_self_test_tells_the_first_difference(board: Board, tmp_path: Path) -> N
     assert (ended.code, ended.err) == (1, f"self-test: {said}\n")
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("mode", MODES)
 def test_a_deployed_model(board: Board, tmp_path: Path, mode: str) -> None:
     model = small_model()
@@ -315,6 +317,7 @@ MUTATIONS: dict[str, tuple[str, str, bool, str]] = {
 }
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize("name", MUTATIONS)
 def test_the_stand_in_sees_defects_of_the_chips_program(board: Board, tmp_path: Path, name: str) -> None:
     old, new, bias_input, said = MUTATIONS[name]

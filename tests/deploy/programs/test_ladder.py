@@ -63,6 +63,7 @@ def climbed(path: Path) -> dict[str, Any]:
     return dict(json.loads(path.read_text()))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("simulate", [False, True])
 @pytest.mark.parametrize("mode", [{}, {"regular": True, "bias_input": True}])
 def test_kapoho_bay_climbs(board: Board, tmp_path: Path, simulate: bool, mode: dict[str, Any]) -> None:
@@ -145,6 +146,7 @@ WRONG: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
 QUICK = ("decay", "sign", "clearing")
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in WRONG]
 )

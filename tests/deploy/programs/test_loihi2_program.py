@@ -138,6 +138,7 @@ def test_queries_that_are_not_there_are_refused(made: dict[str, Path], tmp_path:
 # The program in Lava's simulation, and on the stand-in
 
 
+@pytest.mark.quick(1)
 @pytest.mark.lava
 @pytest.mark.parametrize("way", WAYS)
 def test_lavas_simulation_counts_what_the_host_counts(made: dict[str, Path], way: str, tmp_path: Path) -> None:
@@ -154,6 +155,7 @@ def test_lavas_simulation_counts_what_the_host_counts(made: dict[str, Path], way
     assert not list(made[way].rglob("__pycache__"))  # the bundle is as it was
 
 
+@pytest.mark.quick(2)
 @pytest.mark.lava
 @pytest.mark.parametrize("way", WAYS)
 def test_the_board_answers_as_the_host(made: dict[str, Path], way: str, tmp_path: Path) -> None:
@@ -168,6 +170,7 @@ def test_the_board_answers_as_the_host(made: dict[str, Path], way: str, tmp_path
     assert log == [f"placed {', '.join(sorted(parts))}", f"ran {5 * INTERVAL} steps"]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.lava
 @pytest.mark.parametrize(("way", "chip"), [("injected", False), ("injected", True), ("bias", True)])
 def test_every_query_may_bring_biases(made: dict[str, Path], way: str, chip: bool, tmp_path: Path) -> None:
@@ -214,6 +217,7 @@ def test_leaves_and_relays_stand_on_the_board(tmp_path: Path) -> None:
     assert log == [f"placed {', '.join(parts)}", f"ran {5 * INTERVAL} steps"]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.lava
 @pytest.mark.parametrize(
     ("fault", "said"),
