@@ -67,21 +67,14 @@ def encoded(season: str, encoder: EncoderConfig) -> EncodedTraverse:
     return encode_traverse(open_traverse(folder(season)), encoder, Keep.ALL)
 
 
-def part(traverse: EncodedTraverse, chosen: slice | NDArray[np.int64]) -> EncodedTraverse:
-    """Some images of an encoded traverse, with their absolute indices."""
-    return traverse.take(chosen)
-
-
 def learn(places: tuple[int, int], config: Config) -> Model:
     """A model of the summer images ``places``."""
-    return train(
-        [part(encoded("summer", config.encoder), slice(*places))], config, route_images=500, pool=Pool(cores())
-    )
+    return train([encoded("summer", config.encoder).take(slice(*places))], config, route_images=500, pool=Pool(cores()))
 
 
 def answer(model: Model, places: tuple[int, int], backend: str = "host", **comparison: Any) -> Recognition:
     """What ``model`` makes of the winter images ``places``; ``comparison`` holds fields of `Comparison`."""
-    queries = part(encoded("winter", model.config.encoder), slice(*places))
+    queries = encoded("winter", model.config.encoder).take(slice(*places))
     truth = np.eye(len(queries), dtype=bool)
     return recognise(model, queries, truth, Comparison(**comparison), backend=backend, pool=Pool(cores()))
 
@@ -134,9 +127,9 @@ def places(section: PlacesSection, which: int, config: Config, views: ViewsConfi
     dataset, first, end = section
     views, encoder = config.views if views is None else views, _of_pixels(config.encoder)
     if dataset != "nordland_all":
-        return tuple(part(view, slice(first, end)) for view in _images(dataset, which, encoder, views))
+        return tuple(view.take(slice(first, end)) for view in _images(dataset, which, encoder, views))
     pairs = zip(*(_images(name, which, encoder, views) for name in ("nordland", "nordland_long")), strict=True)
-    return tuple(part(_joined(*pair), slice(first, end)) for pair in pairs)
+    return tuple(_joined(*pair).take(slice(first, end)) for pair in pairs)
 
 
 def _joined(one: EncodedTraverse, two: EncodedTraverse) -> EncodedTraverse:

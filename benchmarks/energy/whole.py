@@ -15,7 +15,7 @@ from functools import partial
 import click
 import numpy as np
 
-from benchmarks.places import SECTIONS, answer, encoded, folder, learn, part
+from benchmarks.places import SECTIONS, answer, encoded, folder, learn
 from benchmarks.program import Printed, program, turns
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.bench.energy import AnsweringWay, on_board
@@ -52,7 +52,7 @@ def recalls(name: str) -> dict[str, float]:
 def asked(name: str) -> tuple[QuerySet, Modelled]:
     """The queries of the first section to preset ``name``, and what they cost on Kapoho Bay."""
     model = learn(SECTIONS[0], preset(name))
-    queries = QuerySet.of(model, part(encoded("winter", model.config.encoder), slice(*SECTIONS[0])))
+    queries = QuerySet.of(model, encoded("winter", model.config.encoder).take(slice(*SECTIONS[0])))
     trains = HostBackend().trains(model, queries.shown)
     plan = plan_of(model, KAPOHO_BAY)
     return queries, modelled(plan, count_events(plan, trains))

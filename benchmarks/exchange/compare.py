@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from benchmarks.elsewhere import python_of, run_elsewhere
 from benchmarks.exchange.literal import spikes_of
-from benchmarks.places import encoded, learn, part
+from benchmarks.places import encoded, learn
 from benchmarks.program import Printed, program, verdict
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
@@ -101,7 +101,7 @@ def run(chosen: list[ExchangeCase], queries: int) -> list[CaseSpikes]:
         for number, case in enumerate(chosen):
             images = np.linspace(0, case.model.places - 1, queries).astype(np.int64)
             trains = HostBackend().trains(
-                case.model, query_presentations(case.model, part(encoded("winter", case.model.config.encoder), images))
+                case.model, query_presentations(case.model, encoded("winter", case.model.config.encoder).take(images))
             )
             if trains.inputs is None or trains.inh is None:
                 raise BackendUnavailableError("the host tells no spikes of inputs; this is a defect")

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.elsewhere import python_of, run_elsewhere
-from benchmarks.places import encoded, learn, part
+from benchmarks.places import encoded, learn
 from benchmarks.program import Printed, program, verdict
 from lava_vpr.bench.measure.workload import of_trains
 from lava_vpr.bench.results import Workload
@@ -103,7 +103,7 @@ def problems(queries: int) -> list[tuple[str, FixedNetwork, NDArray[np.uint16], 
     for name, config in configs.items():
         for places in ((0, 100), (0, 200)):
             network = integer_model(learn(places, config), "the comparison").network
-            winter = part(encoded("winter", config.encoder), slice(0, queries))
+            winter = encoded("winter", config.encoder).take(slice(0, queries))
             rates = query_rates(winter.activity, config)
             keys = presentation_keys(config.seed, "query", image_keys(rates))
             made.append((f"{name}, {places[1]} places", network, rates, keys))

@@ -20,7 +20,7 @@ from benchmarks.oracles.problems import (
     Result,
     engine_result,
 )
-from benchmarks.places import encoded, learn, part
+from benchmarks.places import encoded, learn
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT
@@ -195,7 +195,7 @@ def real_inference(queries: int, bias: bool) -> list[tuple[Problem, Result]]:
     made, config = [], preset("loihi")
     for (bits, network), count in zip(real_networks().items(), (queries, max(1, queries // 4)), strict=True):
         shown = network if bias else replace(network, bias=np.zeros_like(network.bias))
-        images = part(encoded("winter", config.encoder), slice(0, count))
+        images = encoded("winter", config.encoder).take(slice(0, count))
         rates = query_rates16(images.activity, config.encoder)
         keys = presentation_keys(config.seed, "query", image_keys(rates))
         group = f"inference, real queries, {bits} bits{'' if bias else ', no biases'}"

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from benchmarks.elsewhere import run_elsewhere
 from benchmarks.oracles.inference import Made, made_up
 from benchmarks.oracles.needs import PYTHON
-from benchmarks.places import encoded, learn, part, required
+from benchmarks.places import encoded, learn, required
 from benchmarks.program import Printed, program, verdict
 from lava_vpr.config import preset
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
@@ -116,7 +116,7 @@ def real_cases(folder: Path, presentations: int) -> Iterator[RegisterCase]:
         if any(core.dense_inputs.any() for core in plan.cores):
             raise InputError(f"{places} places: the bundle has dense rows, which were not asked for")
         chosen = np.linspace(0, places - 1, presentations).astype(np.int64)
-        rates = query_rates16(part(encoded("winter", model.config.encoder), chosen).activity, model.config.encoder)
+        rates = query_rates16(encoded("winter", model.config.encoder).take(chosen).activity, model.config.encoder)
         keys = presentation_keys(model.config.seed, "query", image_keys(rates))
         yield RegisterCase(f"{places} places, real queries", folder / f"{places}", model.network, rates, keys)
 

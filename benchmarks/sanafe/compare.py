@@ -20,7 +20,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.places import encoded, learn, part, required
+from benchmarks.places import encoded, learn, required
 from benchmarks.program import Printed, program, verdict
 from benchmarks.sanafe.cross_check import CrossCheck, cross_check, find_sanafe
 from lava_vpr.backends.host import HostBackend
@@ -65,7 +65,7 @@ class SanafeCase:
 def real(name: str, model: Model, queries: int) -> SanafeCase:
     """A model on Kapoho Bay, and winter images spread over its places."""
     chosen = np.linspace(0, model.places - 1, queries).astype(np.int64)
-    images = part(encoded("winter", model.config.encoder), chosen)
+    images = encoded("winter", model.config.encoder).take(chosen)
     trains = HostBackend().trains(model, query_presentations(model, images))
     return SanafeCase(name, plan_of(model, KAPOHO_BAY), trains)
 

@@ -16,7 +16,7 @@ from support.common.commands import run
 from support.common.small_models import encoded, small_model, tiny_paper
 
 from benchmarks.places import encoded as real
-from benchmarks.places import learn, part
+from benchmarks.places import learn
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations, query_presentations
@@ -254,7 +254,7 @@ def test_a_hundred_real_queries_on_both_bundles(places: int, mode: str, data_roo
     """The default model of 100 and of 500 places, both input modes, deployed to both boards: every spike."""
     config = update(preset("loihi"), {"network": {"input_mode": mode}})
     model = learn((0, places), config)
-    queries = part(real("winter", config.encoder), slice(0, 100))
+    queries = real("winter", config.encoder).take(slice(0, 100))
     for board in BOARDS.values():
         deploy(model, board, tmp_path / board.name)
         own = open_bundle(tmp_path / board.name)

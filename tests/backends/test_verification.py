@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from support.common.commands import PLACES, figures, run
 from support.common.small_models import encoded, small_model, tiny_paper
 
-from benchmarks.places import SECTIONS, answer, learn, part
+from benchmarks.places import SECTIONS, answer, learn
 from benchmarks.places import encoded as real
 from lava_vpr import model as model_file
 from lava_vpr.backends import registry as backends
@@ -214,7 +214,7 @@ def test_twenty_real_queries_on_every_backend(bits: int, data_root: Path) -> Non
     config = update(preset("loihi"), {"network": {"signed": bits < 8}})  # 8 bits leave none for a sign
     config = update(config, {"network": {"weight_bits": bits}})
     model = learn(SECTIONS[0], config)
-    queries = part(real("winter", config.encoder), slice(0, 20))
+    queries = real("winter", config.encoder).take(slice(0, 20))
     host = HostBackend().trains(model, query_presentations(model, queries))
     assert host.inputs is not None
     assert host.inh is not None

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.places import SECTIONS, PlacesSection, answer, encoded, folder, learn, part
+from benchmarks.places import SECTIONS, PlacesSection, answer, encoded, folder, learn
 from benchmarks.recall import TABLES
 from benchmarks.results.rows import Figures, measure
 from lava_vpr.cluster.tasks import Pool
@@ -63,7 +63,7 @@ def figures(name: str, first: int = 0, end: int = 500, seeds: tuple[int, ...] = 
 def shuffled(model: Model, places: tuple[int, int], seed: int) -> Recognition:
     """Recognition of the winter images ``places`` in random order, with the noise of another seed than the model's."""
     order = np.random.default_rng(seed).permutation(np.arange(*places))
-    queries = part(encoded("winter", model.config.encoder), order)
+    queries = encoded("winter", model.config.encoder).take(order)
     truth = order[:, None] == np.arange(*places)[None, :]
     noise = model.config.seed + 1000 * (seed + 1)
     return recognise(model, queries, truth, DECODERS_ONLY, seed=noise, pool=Pool(cores()))
@@ -75,7 +75,7 @@ def test_sad_is_the_papers() -> None:
     summer, winter = encoded("summer", CONFIG.encoder), encoded("winter", CONFIG.encoder)
     rows = []
     for section in SECTIONS:
-        a, b = part(summer, slice(*section)), part(winter, slice(*section))
+        a, b = summer.take(slice(*section)), winter.take(slice(*section))
         scores = -sad_distances(a.patches, b.patches)
         found = evaluate(scores, confidence("sad", scores), np.eye(100, dtype=bool))
         rows.append((found.recall_at_1, found.recall_at_100_precision, found.auc))

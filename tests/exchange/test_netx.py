@@ -99,7 +99,7 @@ def test_lava_dl_spikes_as_the_network_that_the_file_holds(tmp_path: Path) -> No
 def test_a_hundred_real_queries(tmp_path: Path, data_root: Path) -> None:
     """Nordland 200:300: every spike, of all neurons; and how far rounded biases lead from the model's own counts."""
     config = preset("loihi")
-    queries = places.part(places.encoded("winter", config.encoder), slice(200, 300))
+    queries = places.encoded("winter", config.encoder).take(slice(200, 300))
     model = integer_model(places.learn((200, 300), config), "a test")
     loaded, held, own = compared(model, queries, tmp_path / "m.net")
     assert loaded.shape == (100, 100)

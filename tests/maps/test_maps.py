@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.common.small_models import encoded, small_config, small_model, some, tiny_paper
+from support.common.small_models import encoded, small_config, small_model, tiny_paper
 
 from benchmarks.places import encoded as encoded_nordland
-from benchmarks.places import learn, part
+from benchmarks.places import learn
 from lava_vpr import maps, model
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
@@ -57,7 +57,7 @@ class Case:
 
     def part(self, first: int, end: int, shift: int = 0) -> list[EncodedTraverse]:
         """The references of some places, their indices ``shift`` less."""
-        parts = [some(reference, slice(first, end)) for reference in self.references]
+        parts = [reference.take(slice(first, end)) for reference in self.references]
         return [dataclasses.replace(part, indices=part.indices - shift) for part in parts]
 
     def trained(self, first: int, end: int, shift: int = 0, route_images: int | None = None, **options: Any) -> Model:
@@ -366,12 +366,12 @@ def test_an_extended_map_of_real_images(data_root: Path) -> None:
     """490 places of Nordland and 10 more: what was learned stays, and each part is recognised as if learned at once."""
     config = preset("loihi")
     first = learn((0, 490), config)
-    new = part(encoded_nordland("summer", config.encoder), slice(490, 500))
+    new = encoded_nordland("summer", config.encoder).take(slice(490, 500))
     grown = maps.extend(first, [new], route_images=500, pool=Pool(2))
     np.testing.assert_array_equal(grown.learned[:, :490], first.learned)
     together = learn((0, 500), config)
     for first_place, end in ((0, 490), (490, 500)):
-        queries = part(encoded_nordland("winter", config.encoder), slice(first_place, end))
+        queries = encoded_nordland("winter", config.encoder).take(slice(first_place, end))
         truth = queries.indices[:, None] == grown.place_indices
         found = [recognise(made, queries, truth, DECODERS_ONLY, pool=Pool(2)) for made in (grown, together)]
         ours, theirs = (result.metrics[result.default].recall_at_1 for result in found)

@@ -14,7 +14,7 @@ from support.common.small_models import encoded, small_model
 from support.lava.model_harness import build, drive
 from support.lava.small_networks import FIXED, FLOAT, Arrays, Runs, hold_in_lava, random_network
 
-from benchmarks.places import SECTIONS, learn, part
+from benchmarks.places import SECTIONS, learn
 from benchmarks.places import encoded as real
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.interface import Presentations, query_presentations
@@ -170,7 +170,7 @@ def test_twenty_real_queries_with_a_bias_on_every_backend(data_root: Path) -> No
     config = update(preset("loihi"), {"network": {"input_mode": "bias"}})
     model = learn(SECTIONS[0], config)
     assert isinstance(model.network, FixedNetwork)
-    queries = part(real("winter", config.encoder), slice(0, 20))
+    queries = real("winter", config.encoder).take(slice(0, 20))
     names = ("lava-fixed", "lava-fused", "lava-library")
     host = backends.get("host").trains(model, query_presentations(model, queries))
     assert host.exc.any(axis=(1, 2)).all()

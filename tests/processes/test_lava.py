@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from support.lava.small_networks import random_bias
 
-from benchmarks.places import encoded, learn, part
+from benchmarks.places import encoded, learn
 from lava_vpr.config import preset
 from lava_vpr.encoding import draw_trains, query_rates16
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
@@ -79,7 +79,7 @@ def test_the_trained_network_on_real_queries_equals_lavas_library(data_root: Pat
     config = preset("loihi")
     network = learn((0, 100), config).network
     assert isinstance(network, FixedNetwork)
-    queries = part(encoded("winter", config.encoder), slice(0, 12))
+    queries = encoded("winter", config.encoder).take(slice(0, 12))
     rates = query_rates16(queries.activity, config.encoder)
     keys = presentation_keys(0, "query", image_keys(rates))
     counts, _, film = count_spikes(network, rates, keys, raster=True)

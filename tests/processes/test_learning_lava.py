@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.places import encoded, part
+from benchmarks.places import encoded
 from lava_vpr.config import preset
 from lava_vpr.encoding import draw_spikes, rates16
 from lava_vpr.engine.general.lif import LifParameters
@@ -101,7 +101,7 @@ def test_every_weight_trace_threshold_and_spike_equals_the_host_engine(phase: In
 @pytest.mark.data
 def test_the_first_real_images_of_both_phases_equal_the_host_engine(data_root: Path) -> None:
     config = preset("loihi")
-    images = part(encoded("summer", config.encoder), slice(0, 5))
+    images = encoded("summer", config.encoder).take(slice(0, 5))
     rates = rates16(images.activity, config.encoder.train_spikes)
     keys = presentation_keys(config.seed, "train", images.indices)
     trainer = IntegerTrainer(config.encoder.inputs, 100, config.learning, config.encoder.train_spikes, config.seed, 0)
@@ -136,7 +136,7 @@ def test_the_library_alone_equals_the_host_engine() -> None:
 @pytest.mark.data
 def test_a_real_image_is_learned_alike_by_the_library(data_root: Path) -> None:
     config = preset("loihi")
-    images = part(encoded("summer", config.encoder), slice(0, 1))
+    images = encoded("summer", config.encoder).take(slice(0, 1))
     rates = rates16(images.activity, config.encoder.train_spikes)
     keys = presentation_keys(config.seed, "train", images.indices)
     trainer = IntegerTrainer(config.encoder.inputs, 25, config.learning, config.encoder.train_spikes, config.seed, 0)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from support.boards.loihi2_bundles import STANDIN
 from support.lava.selection_targets import MADE
 
-from benchmarks.places import encoded, learn, part
+from benchmarks.places import encoded, learn
 from lava_vpr import processes
 from lava_vpr.config import preset
 from lava_vpr.deploy.hardware.table import BELIEFS
@@ -189,7 +189,7 @@ def real(data_root: Path) -> tuple[FixedNetwork, NDArray[np.uint16], NDArray[np.
     config = preset("loihi")
     network = learn((0, 100), config).network
     assert isinstance(network, FixedNetwork)
-    rates = query_rates16(part(encoded("winter", config.encoder), slice(0, 5)).activity, config.encoder)
+    rates = query_rates16(encoded("winter", config.encoder).take(slice(0, 5)).activity, config.encoder)
     return network, rates, presentation_keys(0, "query", image_keys(rates))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.common.small_models import encoded, small_config, small_model, some, tiny_paper, two_images_a_place
+from support.common.small_models import encoded, small_config, small_model, tiny_paper, two_images_a_place
 
 from lava_vpr import model
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
@@ -234,7 +234,7 @@ def test_a_stretch_learns_its_own_images_alone(arithmetic: str) -> None:
     config, whole = small_config(learning={"arithmetic": arithmetic, "epochs": 2}), encoded(12)
     learned = train([whole], config).learned
     for first, end in ((0, 4), (4, 8), (4, 12)):
-        own = dataclasses.replace(some(whole, slice(first, end)), indices=np.arange(end - first)[::-1] + 77)
+        own = dataclasses.replace(whole.take(slice(first, end)), indices=np.arange(end - first)[::-1] + 77)
         np.testing.assert_array_equal(train([own], config).learned, learned[:, first:end])
     assert len({column.tobytes() for column in learned.T}) == 12
     twins = train([encoded(4), encoded(4, noise=1.0)], config).learned

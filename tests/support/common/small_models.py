@@ -10,7 +10,6 @@ import dataclasses
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
@@ -37,17 +36,6 @@ def encoded(places: int = 8, inputs: int = 1568, seed: int = 0, noise: float = 0
         thumbnails=rng.integers(0, 256, (places, 48, 64, 3)).astype(np.uint8),
         hog=rng.integers(0, 256, (places, HOG_VALUES)).astype(np.uint8),
     )
-
-
-def some(traverse: EncodedTraverse, chosen: slice) -> EncodedTraverse:
-    """Some images of a traverse."""
-    kept = {name: getattr(traverse, name)[chosen] for name in ("names", "indices", "activity", "patches")}
-    return EncodedTraverse(**kept, thumbnails=part_of(traverse.thumbnails, chosen), hog=part_of(traverse.hog, chosen))
-
-
-def part_of(array: NDArray[np.uint8] | None, chosen: slice) -> NDArray[np.uint8] | None:
-    """Some rows of an array that may be missing."""
-    return None if array is None else array[chosen]
 
 
 def small_config(**changes: object) -> Config:
