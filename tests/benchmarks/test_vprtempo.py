@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -232,20 +233,18 @@ def test_a_place_may_have_several_images() -> None:
 
 def test_what_is_wrong_is_said() -> None:
     spikes = input_spikes(scenes(4)[0])
-    with pytest.raises(InputError, match="number the places of 4 images"):
-        vprtempo.train(spikes, np.array([0, 1, 3, 3]))
-    with pytest.raises(InputError, match="number the places of 4 images"):
-        vprtempo.train(spikes, np.array([0, 1]))
-    with pytest.raises(InputError, match=r"\(images, pixels\) in 0..1"):
-        vprtempo.train(spikes * 2)
-    with pytest.raises(InputError, match=r"\(images, pixels\) in 0..1"):
-        vprtempo.train(spikes[:0])
-    with pytest.raises(InputError, match="has 196 inputs"):
-        vprtempo.train(spikes).scores(spikes[:, :100])
-    with pytest.raises(InputError, match="must be uint8"):
-        input_spikes(np.zeros((2, 3, 3)))  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="window must be odd"):
-        preprocess(np.zeros((8, 8), np.uint8), 4, 4)
+    wrong: list[tuple[str, Callable[[], object]]] = [
+        ("number the places of 4 images", lambda: vprtempo.train(spikes, np.array([0, 1, 3, 3]))),
+        ("number the places of 4 images", lambda: vprtempo.train(spikes, np.array([0, 1]))),
+        (r"\(images, pixels\) in 0..1", lambda: vprtempo.train(spikes * 2)),
+        (r"\(images, pixels\) in 0..1", lambda: vprtempo.train(spikes[:0])),
+        ("has 196 inputs", lambda: vprtempo.train(spikes).scores(spikes[:, :100])),
+        ("must be uint8", lambda: input_spikes(np.zeros((2, 3, 3)))),  # type: ignore[arg-type]
+        ("window must be odd", lambda: preprocess(np.zeros((8, 8), np.uint8), 4, 4)),
+    ]
+    for text, call in wrong:
+        with pytest.raises(InputError, match=text):
+            call()
 
 
 @pytest.mark.parametrize(

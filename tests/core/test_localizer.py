@@ -274,18 +274,16 @@ def test_what_is_no_image_is_refused(image: NDArray[np.uint8], words: str, route
 
 
 def test_what_cannot_be_asked_is_refused(winter: Images, summer: Images, route: Model, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="no motion 'sideways'"):
-        Localizer(route, "sideways")
-    with pytest.raises(ConfigError, match="a precision of 1 "):
-        Localizer(route, target_precision=1.0)
-    with pytest.raises(ConfigError, match="odd"):
-        Localizer(route, query_views=2)
-    with pytest.raises(LavaVprError, match="nowhere"):
-        Localizer(tmp_path / "nowhere.lvpr")
-    unplaced = train(summer[:8], config=route.config)
-    robot = Localizer(unplaced)
+    robot = Localizer(train(summer[:8], config=route.config))
     robot.update(winter[0])
-    with pytest.raises(InputError, match="odometry needs a map with positions"):
-        robot.update(winter[1], odometry=5.0)
-    with pytest.raises(InputError, match="nothing to learn"):
-        train()
+    wrong: list[tuple[type[LavaVprError], str, Callable[[], object]]] = [
+        (ConfigError, "no motion 'sideways'", lambda: Localizer(route, "sideways")),
+        (ConfigError, "a precision of 1 ", lambda: Localizer(route, target_precision=1.0)),
+        (ConfigError, "odd", lambda: Localizer(route, query_views=2)),
+        (LavaVprError, "nowhere", lambda: Localizer(tmp_path / "nowhere.lvpr")),
+        (InputError, "odometry needs a map with positions", lambda: robot.update(winter[1], odometry=5.0)),
+        (InputError, "nothing to learn", train),
+    ]
+    for error, text, call in wrong:
+        with pytest.raises(error, match=text):
+            call()

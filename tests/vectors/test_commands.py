@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -187,24 +188,24 @@ def test_vectors_in_memory_and_rates_as_they_are() -> None:
     assert [robot.update(vector).place for vector in queries.astype(np.float64)] == list(range(N))
     robot.add(queries[:2] + 1)
     assert robot.model.places == N + 2
-    with pytest.raises(InputError, match=r"vector 0 has shape \(39,\), but the model learned \(40,\)"):
-        robot.update(queries[0, 1:])
-    with pytest.raises(InputError, match="vectors: row 0 holds NaN or infinite values"):
-        robot.update(np.full(VALUES, np.nan))
     positive = np.maximum(references - references.mean(axis=0), 0)
     own = train(rates=positive, config=config, threads=1)
     assert own.config.encoder.kind == "rates"
     assert own.standard is None
     assert np.array_equal(own.activity, positive)
     assert Localizer(own, motion="none").update(positive[3]).place == 3
-    with pytest.raises(InputError, match="but rates are at least 0; use the input 'vector'"):
-        train(rates=-positive, config=config)
-    with pytest.raises(InputError, match="give the images of a route, or rates"):
-        train(references, rates=positive)
-    with pytest.raises(InputError, match=r"vector 1 has shape \(3,\), the first \(40,\)"):
-        train([references[0], np.zeros(3)])
-    with pytest.raises(ConfigError, match="a vector has one view"):
-        train(references, config=update(config, {"views": {"shifts": 3}}))
+    several = update(config, {"views": {"shifts": 3}})
+    wrong: list[tuple[type[Exception], str, Callable[[], object]]] = [
+        (InputError, r"has shape \(39,\), but the model learned \(40,\)", lambda: robot.update(queries[0, 1:])),
+        (InputError, "vectors: row 0 holds NaN or infinite values", lambda: robot.update(np.full(VALUES, np.nan))),
+        (InputError, "rates are at least 0; use the input 'vector'", lambda: train(rates=-positive, config=config)),
+        (InputError, "give the images of a route, or rates", lambda: train(references, rates=positive)),
+        (InputError, r"vector 1 has shape \(3,\), the first \(40,\)", lambda: train([references[0], np.zeros(3)])),
+        (ConfigError, "a vector has one view", lambda: train(references, config=several)),
+    ]
+    for error, text, call in wrong:
+        with pytest.raises(error, match=text):
+            call()
 
 
 @pytest.mark.usefixtures("route")

@@ -124,16 +124,17 @@ def test_settings_follow_from_the_references() -> None:
     assert of(array, kind="rates").encoder.inputs == 9
     assert of(array, kind="vector", query_inputs=7).encoder.query_inputs == 7
     assert of(vectors(4, 3000)).encoder.inputs == 2 * EncoderConfig().vector_kept
-    with pytest.raises(ConfigError, match=r"encoder\.vector_values is 8, but v\.npy holds vectors of 9 values"):
-        of(array, vector_values=8)
-    with pytest.raises(InputError, match=r"w\.npy: holds vectors of 10 values, but the model learned those of 9"):
-        settings_for(preset("loihi"), [traverse(array), traverse(vectors(4, 10), "w.npy")])
-    base = preset("loihi")
+    base, (shown, wider) = preset("loihi"), (traverse(array), traverse(vectors(4, 10), "w.npy"))
     sideways = dataclasses.replace(base, views=dataclasses.replace(base.views, shifts=3))
-    with pytest.raises(ConfigError, match="a vector has one view; set views"):
-        settings_for(sideways, [traverse(array)])
-    with pytest.raises(ConfigError, match=r"the conductance network takes encoder\.kind 'pixels', not 'vector'"):
-        settings_for(preset("paper"), [traverse(array)])
+    valued = dataclasses.replace(base, encoder=dataclasses.replace(base.encoder, vector_values=8))
+    for config, traverses, text in (
+        (valued, [shown], r"encoder\.vector_values is 8, but v\.npy holds vectors of 9 values"),
+        (base, [shown, wider], r"w\.npy: holds vectors of 10 values, but the model learned those of 9"),
+        (sideways, [shown], "a vector has one view; set views"),
+        (preset("paper"), [shown], r"the conductance network takes encoder\.kind 'pixels', not 'vector'"),
+    ):
+        with pytest.raises((ConfigError, InputError), match=text):
+            settings_for(config, traverses)
 
 
 def test_equal_vectors_and_negative_rates_are_refused() -> None:
@@ -154,12 +155,13 @@ def test_another_models_standard_must_fit() -> None:
     standard = fitted(config, [traverse(array)])
     assert standard is not None
     assert standard_like(standard, config) is standard
-    with pytest.raises(ConfigError, match="--standard names a model that was not trained with vectors"):
-        standard_like(None, config)
-    with pytest.raises(ConfigError, match="of vectors of 20 values, 20 of them seen, but these are of 21, 21 seen"):
-        standard_like(standard, of(vectors(6, 21)))
-    with pytest.raises(ConfigError, match="but these are of 20, 10 seen"):
-        standard_like(standard, of(array, vector_kept=10))
+    for other, wanted, text in (
+        (None, config, "--standard names a model that was not trained with vectors"),
+        (standard, of(vectors(6, 21)), "of vectors of 20 values, 20 of them seen, but these are of 21, 21 seen"),
+        (standard, of(array, vector_kept=10), "but these are of 20, 10 seen"),
+    ):
+        with pytest.raises(ConfigError, match=text):
+            standard_like(other, wanted)
 
 
 def test_a_vector_is_pictured_row_by_row() -> None:
