@@ -8,13 +8,13 @@ import json
 import stat
 import sys
 import tempfile
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from support.common import children
 
 from benchmarks.places import learn
 from benchmarks.sanafe import cross_check as checking
@@ -246,24 +246,14 @@ def test_a_broken_sanafe_is_a_reason(script: str, why: str, tmp_path: Path) -> N
     assert found.difference is None
 
 
-def at_work(number: int) -> bool:
-    """Whether a process of this number runs: it is neither gone nor waits to be buried."""
-    try:
-        return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
-    except OSError:
-        return False
-
-
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes in /proc")
 def test_a_sanafe_that_hangs_is_ended_with_all_it_started(tmp_path: Path) -> None:
     own, number = case(0), tmp_path / "number"
     python = interpreter(tmp_path, f"sleep 600 & echo $! > '{number}'; sleep 600")
     found = cross_check(own.plan, own.trains, python=python, timeout_s=1)
     assert found.absent == "SANA-FE was not done after 1 s; compare fewer queries"
-    child, deadline = int(number.read_text()), time.monotonic() + 60
-    while at_work(child) and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert not at_work(child)
+    child = int(number.read_text())
+    assert children.until(lambda: children.gone(child))
 
 
 def test_a_python_that_does_not_start(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -62,11 +61,8 @@ def start(here: Path, program: list[str], options: list[str]) -> children.Child:
 
 def wait_for(what: Callable[[], bool], process: children.Child) -> None:
     """Until ``what`` is so; the process must still be at work."""
-    end = time.monotonic() + DEADLINE
-    while not what():
-        assert process.poll() is None, f"ended with {process.returncode} too soon: {process.communicate()}"
-        assert time.monotonic() < end, "nothing happens"
-        time.sleep(0.01)
+    assert children.until(lambda: what() or process.poll() is not None, DEADLINE), "nothing happens"
+    assert process.poll() is None, f"ended with {process.returncode} too soon: {process.communicate()}"
 
 
 def epochs_done(checkpoint: Path) -> int:

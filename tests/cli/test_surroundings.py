@@ -9,15 +9,24 @@ import os
 import resource
 import shutil
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 from support.common import children, surroundings
-from support.common.surroundings import AT_IMPORT, QUERY, Ended, done, stranger
+from support.common.surroundings import AT_IMPORT, QUERY, Ended, done
 
 FULL = Path("/dev/full")
+STRANGER = 54321  # a user whom no list of users names
+READ_ALL = "-all,+dac_read_search"
 LOST = [name for name in os.environ if name.startswith(("HOME", "XDG", "NUMBA", "MPL", "USER", "LOGNAME"))]
 KERNELS = "compiled kernels cannot be kept in "
+
+
+def stranger(words: Sequence[str]) -> list[str]:
+    """The words of a command for a user without name or home, who may read everything but write nothing of ours."""
+    ids = ["--reuid", str(STRANGER), "--regid", str(STRANGER), "--clear-groups"]
+    return ["setpriv", *ids, "--inh-caps", READ_ALL, "--ambient-caps", READ_ALL, "--bounding-set", READ_ALL, *words]
 
 
 def no_stranger() -> str:
@@ -68,7 +77,7 @@ def test_neither_home_nor_name(here: Path) -> None:
         pytest.skip(why)
     ended = surroundings.run(here, "fit", "m.lvpr", "--target", "kapoho-bay", without=LOST, prefix=stranger)
     assert (ended.code, ended.err, ended.made) == (0, "", [])
-    assert ended.left == [f"lava-vpr-kernels-{surroundings.STRANGER}"]  # a cache, closed to others, for the next time
+    assert ended.left == [f"lava-vpr-kernels-{STRANGER}"]  # a cache, closed to others, for the next time
 
 
 def test_the_working_directory_is_gone(here: Path) -> None:

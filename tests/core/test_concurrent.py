@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -30,9 +29,7 @@ def here(tmp_path: Path) -> Path:
 
 def test_a_second_training_of_the_same_model_is_refused(here: Path) -> None:
     with children.Child(command("train", "ref", "-o", "m.lvpr", "--config", "slow.toml"), cwd=here):
-        deadline = time.monotonic() + 120
-        while not (here / ".m.lvpr.lock").exists() and time.monotonic() < deadline:
-            time.sleep(0.05)
+        children.until((here / ".m.lvpr.lock").exists, 120)
         second = children.run(
             command("train", "ref", "-o", "m.lvpr", "--config", "quick.toml"),
             cwd=here,

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from support.common import children
 
 from lava_vpr.isolated.child import environment_without_python, run_child
 
@@ -20,19 +20,6 @@ SPAWN = (
 
 def python(source: str, *words: str | Path) -> list[str | Path]:
     return [sys.executable, "-c", source, *words]
-
-
-def gone(pid: int) -> bool:
-    """Whether a process ends within a second; one that waits to be reaped has ended."""
-    for _ in range(50):
-        try:
-            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-        except OSError:
-            return True
-        if state in "ZX":
-            return True
-        time.sleep(0.02)
-    return False
 
 
 def test_what_a_program_says_is_kept(tmp_path: Path) -> None:
@@ -62,7 +49,8 @@ def test_nothing_outlives_the_call(then: str, tmp_path: Path) -> None:
         with pytest.raises(subprocess.TimeoutExpired):
             run_child(python(SPAWN.format(then=then), tmp_path / "pid"), seconds=seconds)
         seconds *= 3
-    assert gone(int((tmp_path / "pid").read_text()))
+    pid = int((tmp_path / "pid").read_text())
+    assert children.until(lambda: children.gone(pid), 1)
 
 
 def test_an_environment_without_pythons_variables(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -309,16 +309,6 @@ def start_caller(place: Place) -> children.Child:
     )
 
 
-def wait_until(what: Callable[[], bool]) -> bool:
-    """Whether ``what`` is so soon."""
-    end = time.monotonic() + SOON
-    while not what():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.02)
-    return True
-
-
 @pytest.mark.quick(1)
 @pytest.mark.lava
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
@@ -332,7 +322,7 @@ def test_the_caller_is_ended(place: Place, number: signal.Signals) -> None:
     _, errors = caller.communicate(timeout=SOON)
     assert caller.returncode == -number
     assert ("KeyboardInterrupt" in errors) == (number == signal.SIGINT)
-    assert wait_until(lambda: place.left() == []), place.left()
+    assert children.until(lambda: place.left() == [], SOON), place.left()
 
 
 @pytest.mark.lava
@@ -347,7 +337,7 @@ def test_the_caller_and_the_keeper_are_killed(place: Place) -> None:
     caller.kill()
     caller.communicate(timeout=SOON)
     os.kill(keeper, signal.SIGKILL)
-    assert wait_until(lambda: not place.processes() and not place.shared()), place.left()
+    assert children.until(lambda: not place.processes() and not place.shared(), SOON), place.left()
     (folder,) = place.names
     shutil.rmtree(place.root / folder)
 
@@ -363,7 +353,7 @@ def test_the_caller_is_killed_at_any_moment(place: Place) -> None:
         place.names |= {path.name for path in place.root.glob("lava-vpr-*")}
         caller.kill()
         caller.communicate(timeout=SOON)
-        assert wait_until(lambda: not place.processes() and not place.shared()), place.left()
+        assert children.until(lambda: not place.processes() and not place.shared(), SOON), place.left()
         for path in place.root.glob("lava-vpr-*"):
             # Between the making of the folder and the start of the worker nobody can remove it.
             assert {inner.name for inner in path.iterdir()} <= {"log", "progress"}

@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -85,23 +84,14 @@ def test_what_has_no_limit_is_found(line: str) -> None:
     assert len(endless(f"{STANDINS}any.py", "subprocess.run(['true'], timeout=3); subprocess.run(['true'])")) == 1
 
 
-def gone(pid: int) -> bool:
-    """Whether a process has ended, at most ten seconds later."""
-    end = time.monotonic() + 10
-    while Path(f"/proc/{pid}").exists() and ") Z " not in Path(f"/proc/{pid}/stat").read_text():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.02)
-    return True
-
-
 @pytest.mark.quick(1)
 @pytest.mark.parametrize("then", ["sleep 600", "true"])
 def test_nothing_is_left_of_a_child_that_takes_too_long(then: str) -> None:
     """Neither of one that still runs nor of one that has ended, whose own child holds the pipe."""
     with pytest.raises(subprocess.TimeoutExpired) as caught:
         children.run(["sh", "-c", f"sleep 600 & echo $!; {then}"], stdout=subprocess.PIPE, timeout=1)
-    assert gone(int(caught.value.stdout))
+    pid = int(caught.value.stdout)
+    assert children.until(lambda: children.gone(pid), 10)
 
 
 def test_a_child_ends_with_its_block_its_test_and_the_tests() -> None:
@@ -119,7 +109,7 @@ def test_a_child_ends_with_its_block_its_test_and_the_tests() -> None:
     ) as tests:
         pid = int(tests.stdout.readline())
         tests.kill()
-    assert gone(pid)
+    assert children.until(lambda: children.gone(pid), 10)
 
 
 SIGNALS = (*children.ASKED, signal.SIGPIPE)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.fuzz import corpus, run
+from support.fuzz import run
 from support.fuzz.changes import MANIFEST, REFERENCES, Files, held, sealed, sealed_bundle, stored, taken_apart, zipped
 from support.fuzz.corpus import PLACES, Corpus
 
@@ -19,12 +19,6 @@ from lava_vpr.backends.asking import open_model
 
 Arrays = dict[str, Any]
 Change = Callable[[Any, Arrays], object]
-
-
-@pytest.fixture(scope="module")
-def honest(tmp_path_factory: pytest.TempPathFactory) -> Corpus:
-    """The honest files."""
-    return corpus.make(tmp_path_factory.mktemp("honest"))
 
 
 def altered(data: bytes, change: Change) -> bytes:

@@ -9,17 +9,11 @@ from pathlib import Path
 
 import pytest
 from support.common import children
-from support.fuzz import corpus, run
+from support.fuzz import run
 from support.fuzz.changes import sealed_bundle
 from support.fuzz.corpus import Corpus
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-@pytest.fixture(scope="module")
-def honest(tmp_path_factory: pytest.TempPathFactory) -> Corpus:
-    """The honest files."""
-    return corpus.make(tmp_path_factory.mktemp("honest"))
 
 
 def fuzz(*words: object, code: str = "") -> subprocess.CompletedProcess[str]:

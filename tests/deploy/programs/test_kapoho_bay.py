@@ -23,7 +23,6 @@ from support.boards.kapoho_board import (
     child,
     edited,
     layout,
-    load_program,
     make,
     plan_by_hand,
     random_network,
@@ -43,12 +42,6 @@ from lava_vpr.engine.inference.biases import bias_registers, held_biases
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 
 SLOW = settings(deadline=None, max_examples=8, derandomize=True)
-
-
-@pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The modules of the program."""
-    return load_program(host_programs.flat("kapoho_bay", tmp_path_factory.mktemp("flat") / "program"))
 
 
 MODES: dict[str, dict[str, Any]] = {

@@ -9,18 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.boards import host_programs, loihi2_bundles
-from support.boards.kapoho_board import Board, edited, layout, load_program, make, plan_by_hand, random_network
+from support.boards import loihi2_bundles
+from support.boards.kapoho_board import Board, edited, layout, make, plan_by_hand, random_network
 
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 
 NAMES = ["one neuron", "one axon", "weights", "signs", "decay", "threshold", "reset", "inhibition"]
-
-
-@pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The modules of the program for Kapoho Bay, of which `rungs` is every board's."""
-    return load_program(host_programs.flat("kapoho_bay", tmp_path_factory.mktemp("flat") / "program"))
 
 
 @pytest.mark.parametrize("steps", [13, 61])

@@ -11,8 +11,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -289,27 +288,15 @@ def test_nothing_outlives_the_program(made: dict[str, Path], number: int, tmp_pa
     words = ["--queries", str(made["queries"]), "--out", str(out), "--batch", "1"]
     command = [sys.executable, str(bundle / "program" / "run.py"), *words]
     with children.Child(command, env=env, stderr=subprocess.PIPE, text=True) as process:
-        until(
-            lambda: (
-                process.poll() is not None
-                or ((out / "done.npy").exists() and bool(np.load(out / "done.npy")[:1].any()))
-            )
-        )
+        done = out / "done.npy"
+        assert children.until(lambda: process.poll() is not None or (done.exists() and bool(np.load(done)[:1].any())))
         process.send_signal(number)
         said = process.communicate(timeout=60)[1]
-    until(lambda: not running(bundle))
+    assert children.until(lambda: not running(bundle))
     assert not list(short.iterdir())
     if number == signal.SIGTERM:
         assert (process.returncode, said.strip()) == (1, "interrupted (1 of 5 queries answered)")
         assert answers(out)[2] == {"done": 1, "of": 5, "stage": "run", "error": "interrupted"}
-
-
-def until(condition: Callable[[], bool]) -> None:
-    """Wait, at most a minute."""
-    end = time.monotonic() + 60
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.05)
 
 
 @pytest.mark.lava

@@ -98,7 +98,7 @@ def load_program(folder: Path) -> Any:
     """The modules of a program, by name."""
     modules = host_programs.load(folder)
     # In this process no watchdog may bite, and time is counted in looks at a channel, however slow the machine is.
-    set_everywhere(modules, PAUSE=0.0, time=Looks(), Watchdog=Unwatched)
+    set_everywhere(modules, PAUSE=0.0, time=Looks(), Watchdog=lambda *_: Unwatched())
     return modules
 
 
@@ -106,9 +106,6 @@ class Unwatched(contextlib.nullcontext[None]):
     """In place of the watchdog."""
 
     let_go = None
-
-    def __init__(self, *_: object) -> None:
-        super().__init__()
 
 
 @pytest.fixture
@@ -132,17 +129,11 @@ def start(made: Made, *words: object, before: str = "", env: dict[str, str] | No
     script = str(made.path / "program" / "run.py")
     command = [sys.executable, script]
     if before:
-        modules = (
-            "import os, sys; sys.path.insert(0, os.path.dirname(sys.argv[1])); import run, board_device, board_link"
-        )
-        code = f"{modules}; {before}"
-        command = [sys.executable, "-c", f"{code}; sys.exit(run.main(sys.argv[2:]))", script]
-    given = {
-        **os.environ,
-        **(SEEDS if env is None else env),
-        "STANDIN": json.dumps({"asked": ASKED, **faults}),
-        "TMPDIR": str(made.path.parent),
-    }
+        found = "import os, sys; sys.path.insert(0, os.path.dirname(sys.argv[1]))"
+        ran = f"import run, board_device, board_link; {before}; sys.exit(run.main(sys.argv[2:]))"
+        command = [sys.executable, "-c", f"{found}; {ran}", script]
+    given = os.environ | (SEEDS if env is None else env)
+    given |= {"STANDIN": json.dumps({"asked": ASKED, **faults}), "TMPDIR": str(made.path.parent)}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     return children.Child([*command, *map(str, words)], env=given, text=True, **pipes)
 

@@ -92,59 +92,32 @@ def numbers(core: CorePlan, population: str) -> list[int]:
     ]
 
 
-def index_width(board: Board, compartments: list[int]) -> int:
-    return min(bits for bits in board.memory.index_bits if max(compartments, default=0) < 1 << bits)
-
-
 def literal_needs(plan: Plan, core: CorePlan) -> dict[str, int]:
     """What a core takes, axon by axon and row by row, by the contract of plans alone."""
     made, board = plan.network, plan.board
     exc, inh, inputs = (numbers(core, name) for name in ("exc", "inh", "inputs"))
-    with_exc = [other for other in plan.cores if numbers(other, "exc")]
-    axons_in, axons_out, total, formats = 0, 2 * len(exc), 0, set()
-    for row, weights in enumerate(made.weights):
-        count = int(np.count_nonzero(weights[exc])) if exc else 0
-        if count:
-            axons_in += 1
-            dense = bool(core.dense_inputs[row])
-            formats.add(("inputs", dense))
-            bits = plan.weight_bits + (
-                0 if dense or not board.memory.index_bits else index_width(board, [len(exc) - 1])
-            )
-            total += words(len(exc) if dense else count, bits)
-    if exc and made.inhibition:
-        axons_in += 1
-        formats.add(("root", False))
-        index = 0 if not board.memory.index_bits else index_width(board, [len(exc) - 1])
-        total += words(len(exc), plan.inhibition_bits + index)
     counters = exc if board.counters else []
     assert numbers(core, "counters") == counters  # beside their neurons
-    if counters:
-        formats.add(("counters", False))
-        axons_in += len(counters)
-        total += len(counters)
-    for number in inh:
-        formats.add(("inh", False))
-        axons_in += len(listened(made, number))
-        total += len(listened(made, number))
-        root = number == made.inhibitory - 1
-        axons_out += len(with_exc) * bool(made.inhibition) if root else 1
-    for number in inputs:
-        if made.relayed:
-            formats.add(("relays", False))
-            axons_in += 1
-            total += 1
-        axons_out += sum(bool(made.weights[number, numbers(other, "exc")].any()) for other in with_exc)
-    populations = sum(bool(own) for own in (exc, counters, inh, inputs))
-    return {
-        "compartments": len(exc) + len(counters) + len(inh) + len(inputs),
-        "axons_in": axons_in,
-        "axons_out": axons_out,
-        "synapse_words": total,
-        "profiles": populations,
-        "thresholds": populations,
-        "formats": len(formats),
-    }
+    with_exc = [other for other in plan.cores if numbers(other, "exc")]
+    index = min((bits for bits in board.memory.index_bits if len(exc) - 1 < 1 << bits), default=0)
+    rows: list[tuple[object, int]] = []  # of each input axon the format and the words
+    for row, weights in enumerate(made.weights):
+        count, dense = int(np.count_nonzero(weights[exc])), bool(core.dense_inputs[row])
+        if count:
+            stored = plan.weight_bits + (0 if dense else index)
+            rows.append((("inputs", dense), words(len(exc) if dense else count, stored)))
+    if exc and made.inhibition:
+        rows.append(("root", words(len(exc), plan.inhibition_bits + index)))
+    rows += [("counters", 1)] * len(counters)
+    rows += [("inh", 1) for number in inh for _ in listened(made, number)]
+    rows += [("relays", 1)] * (len(inputs) if made.relayed else 0)
+    of_root = len(with_exc) * bool(made.inhibition)
+    axons_out = 2 * len(exc) + sum(of_root if number == made.inhibitory - 1 else 1 for number in inh)
+    axons_out += sum(bool(made.weights[one, numbers(other, "exc")].any()) for one in inputs for other in with_exc)
+    populations, compartments = (exc, counters, inh, inputs), len(exc) + len(counters) + len(inh) + len(inputs)
+    profiles, formats = sum(map(bool, populations)), len({form for form, _ in rows})
+    needs = (compartments, len(rows), axons_out, sum(size for _, size in rows), profiles, profiles, formats)
+    return dict(zip(LIMITS, needs, strict=True))
 
 
 def check_plan(plan: Plan) -> None:

@@ -10,8 +10,10 @@ import ctypes
 import os
 import signal
 import subprocess
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 LIMIT = 500.0  # seconds; reached only when something hangs, and before the limit of a test (pyproject.toml)
@@ -99,3 +101,21 @@ def run(
     if check:
         done.check_returncode()
     return done
+
+
+def until(what: Callable[[], object], seconds: float = 60.0) -> bool:
+    """Whether ``what`` is so at last, within some seconds."""
+    end = time.monotonic() + seconds
+    while not what():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+def gone(pid: int) -> bool:
+    """Whether a process has ended, as one that waits to be reaped has."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] in "ZX"
+    except OSError:
+        return True

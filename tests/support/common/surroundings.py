@@ -20,8 +20,6 @@ from support.common import children
 
 DEADLINE = 240.0  # seconds; reached only when something hangs
 SHARED = Path("/dev/shm")
-STRANGER = 54321  # a user whom no list of users names
-READ_ALL = "-all,+dac_read_search"
 PROGRAM = (sys.executable, "-m", "lava_vpr")
 QUERY = ("query", "m.lvpr", "query", "-o")
 
@@ -63,12 +61,6 @@ class Ended:
         return [line for line in self.err.splitlines() if line.strip()]
 
 
-def stranger(words: Sequence[str]) -> list[str]:
-    """The words of a command for a user without name or home, who may read everything but write nothing of ours."""
-    ids = ["--reuid", str(STRANGER), "--regid", str(STRANGER), "--clear-groups"]
-    return ["setpriv", *ids, "--inh-caps", READ_ALL, "--ambient-caps", READ_ALL, "--bounding-set", READ_ALL, *words]
-
-
 def _wait_until_it_minds(child: children.Child) -> None:
     """Wait until the program catches SIGHUP, which Python does not, or has ended."""
     status = Path(f"/proc/{child.pid}/status")
@@ -103,7 +95,7 @@ def run(
         closed: Numbers of streams that are closed.
         out: What stdout is connected to.
         limits: Limits of the process by their numbers in `resource`.
-        prefix: Makes other words of the program's, as `stranger`.
+        prefix: Makes other words of the program's.
         stop: A signal, and the seconds after which it is sent, once the program minds signals: Python itself shows
             tracebacks while it starts.
         ignored: Signals that are ignored when the program starts.

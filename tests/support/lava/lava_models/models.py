@@ -26,11 +26,6 @@ from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.worker import report
 
 
-def fail_in_thread() -> None:
-    thread = threading.Thread(target=lambda: [][1], name="side")
-    thread.start()
-
-
 @implements(proc=Actor, protocol=LoihiProtocol)
 @requires(CPU)
 class PyActor(PyLoihiProcessModel):
@@ -66,7 +61,7 @@ class PyActor(PyLoihiProcessModel):
         if self.what == "gone":
             os._exit(7)
         if self.what == "thread":
-            fail_in_thread()
+            threading.Thread(target=lambda: [][1], name="side").start()
             time.sleep(3600)
 
 

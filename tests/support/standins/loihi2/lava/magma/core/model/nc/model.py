@@ -5,7 +5,3 @@ from lava.magma.core.model.model import AbstractProcessModel
 
 class AbstractNcProcessModel(AbstractProcessModel):
     """A model that runs on a neuron core."""
-
-
-class NcProcessModel(AbstractNcProcessModel):
-    """The same, under the name that examples use."""
