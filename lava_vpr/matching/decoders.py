@@ -15,10 +15,7 @@ Matchers that are no decoders have rows in `MATCHERS`; `confidence` asks those o
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import dataclass
 
 from lava_vpr.errors import ConfigError
 from lava_vpr.matching import certainty, equations
@@ -34,12 +31,10 @@ class Reading:
     Attributes:
         variant: Which form of the paper's four decoders.
         gamma: As in `equations.weighted`.
-        assignments: Labels of the neurons, int64 (n_exc,), to use instead of `equations.assign` (responses).
     """
 
     variant: Variant = RELEASED
     gamma: float = 0.02
-    assignments: NDArray[np.int64] | None = field(default=None, repr=False)
 
 
 ScoreFunction = Callable[[Counts, Reading], ScoresOf]
@@ -72,66 +67,49 @@ def in_every_variant(scores: ScoreFunction) -> Mapping[str, ScoreFunction]:
     return dict.fromkeys(VARIANTS, scores)
 
 
-def _contrast(responses: Counts, reading: Reading) -> ScoresOf:
-    return equations.contrast(responses)
-
-
 def _standard(responses: Counts, reading: Reading) -> ScoresOf:
-    return equations.standard(responses, variant=reading.variant, assignments=reading.assignments)
+    return equations.standard(responses, variant=reading.variant)
 
 
 def _weighted(responses: Counts, reading: Reading) -> ScoresOf:
-    return equations.weighted(responses, gamma=reading.gamma, variant=reading.variant, assignments=reading.assignments)
+    return equations.weighted(responses, gamma=reading.gamma, variant=reading.variant)
 
 
-def _printed_probability(responses: Counts, reading: Reading) -> ScoresOf:
-    return equations.standard_probability(responses, reading.assignments)
+def _probability_of(scores: ScoreFunction, printed: ScoreFunction) -> Mapping[str, ScoreFunction]:
+    """The released code's probability of other ``scores`` in every variant but ``printed``, which has its own."""
+
+    def released(responses: Counts, reading: Reading) -> ScoresOf:
+        scores_of = scores(responses, reading)
+        return lambda spikes: equations.probability(scores_of(spikes))
+
+    return {**in_every_variant(released), "printed": printed}
 
 
-def _released_probability(responses: Counts, reading: Reading) -> ScoresOf:
-    scores_of = _standard(responses, reading)
-    return lambda spikes: equations.probability(scores_of(spikes))
-
-
-def _printed_weighted_probability(responses: Counts, reading: Reading) -> ScoresOf:
-    return equations.weighted_probability(responses, reading.gamma)
-
-
-def _released_weighted_probability(responses: Counts, reading: Reading) -> ScoresOf:
-    scores_of = _weighted(responses, reading)
-    return lambda spikes: equations.probability(scores_of(spikes))
-
-
-DECODERS.register(
+for _row in (
     Decoder(
         "contrast",
         title="contrast",
         confidence=certainty.contrast,
-        scores=in_every_variant(_contrast),
-    )
-)
-DECODERS.register(
-    Decoder("standard", title="standard", confidence=certainty.highest, scores=in_every_variant(_standard))
-)
-DECODERS.register(
-    Decoder("weighted", title="weighted", confidence=certainty.highest, scores=in_every_variant(_weighted))
-)
-DECODERS.register(
+        scores=in_every_variant(lambda responses, reading: equations.contrast(responses)),
+    ),
+    Decoder("standard", title="standard", confidence=certainty.highest, scores=in_every_variant(_standard)),
+    Decoder("weighted", title="weighted", confidence=certainty.highest, scores=in_every_variant(_weighted)),
     Decoder(
         "probability",
         title="probability",
         confidence=certainty.highest,
-        scores={**in_every_variant(_released_probability), "printed": _printed_probability},
-    )
-)
-DECODERS.register(
+        scores=_probability_of(_standard, lambda responses, reading: equations.standard_probability(responses)),
+    ),
     Decoder(
         "weighted_probability",
         title="weighted + probability",
         confidence=certainty.highest,
-        scores={**in_every_variant(_released_weighted_probability), "printed": _printed_weighted_probability},
-    )
-)
+        scores=_probability_of(
+            _weighted, lambda responses, reading: equations.weighted_probability(responses, reading.gamma)
+        ),
+    ),
+):
+    DECODERS.register(_row)
 
 
 def decode(
@@ -141,7 +119,6 @@ def decode(
     *,
     variant: Variant = RELEASED,
     gamma: float = 0.02,
-    assignments: NDArray[np.int64] | None = None,
 ) -> Scores:
     """Place scores of the named decoder.
 
@@ -149,14 +126,14 @@ def decode(
         name: A decoder in `DECODERS`.
         responses: S^R, int (n_exc, n_places).
         spikes: Query spikes, int (n_queries, n_exc).
-        variant, gamma, assignments: See `Reading`.
+        variant, gamma: See `Reading`.
     Returns:
         Scores (n_queries, n_places), at least 0; each row depends on that query alone, bit for bit.
     Raises:
         ConfigError: unknown name or variant.
         InputError: arrays that are no counts or do not fit each other.
     """
-    return prepare(name, responses, variant=variant, gamma=gamma, assignments=assignments)(spikes)
+    return prepare(name, responses, variant=variant, gamma=gamma)(spikes)
 
 
 def prepare(
@@ -165,7 +142,6 @@ def prepare(
     *,
     variant: Variant = RELEASED,
     gamma: float = 0.02,
-    assignments: NDArray[np.int64] | None = None,
 ) -> ScoresOf:
     """`decode` for query after query: what ``responses`` say is worked out once.
 
@@ -173,19 +149,22 @@ def prepare(
         ConfigError, InputError: as `decode`, and what is returned, too.
     """
     check_variant(variant)
-    return DECODERS[name].scores[variant](responses, Reading(variant, gamma, assignments))
+    return DECODERS[name].scores[variant](responses, Reading(variant, gamma))
 
 
 MATCHERS: Registry[Matcher] = Registry("matcher", ConfigError)
 """The baselines of `matching.baselines`, and ``sequence``: the scores of any matcher, added up over a sequence."""
-MATCHERS.register(Matcher("sad", title="SAD", confidence=certainty.highest))  # distances, negated
-MATCHERS.register(Matcher("cosine", title="cosine of the inputs", confidence=certainty.margin))
-MATCHERS.register(Matcher("hog", title="HOG", confidence=certainty.margin))
-MATCHERS.register(Matcher("template", title="no learning", confidence=certainty.contrast))
-MATCHERS.register(Matcher("descriptors", title="descriptors", confidence=certainty.margin))
-MATCHERS.register(Matcher("vectors", title="cosine of the vectors", confidence=certainty.margin))
-MATCHERS.register(Matcher("standardised", title="standardised vectors", confidence=certainty.margin))
-MATCHERS.register(Matcher("sequence", title="sequence", confidence=certainty.margin))
+for _matcher in (
+    Matcher("sad", title="SAD", confidence=certainty.highest),  # distances, negated
+    Matcher("cosine", title="cosine of the inputs", confidence=certainty.margin),
+    Matcher("hog", title="HOG", confidence=certainty.margin),
+    Matcher("template", title="no learning", confidence=certainty.contrast),
+    Matcher("descriptors", title="descriptors", confidence=certainty.margin),
+    Matcher("vectors", title="cosine of the vectors", confidence=certainty.margin),
+    Matcher("standardised", title="standardised vectors", confidence=certainty.margin),
+    Matcher("sequence", title="sequence", confidence=certainty.margin),
+):
+    MATCHERS.register(_matcher)
 
 
 def confidence(name: str, scores: Scores) -> Scores:

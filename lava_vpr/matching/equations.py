@@ -162,40 +162,6 @@ def first_most(table: NDArray[Any]) -> NDArray[np.int64]:
     return np.where(table.any(axis=1), table.argmax(axis=1), -1).astype(np.int64)
 
 
-def assign_from_presentations(counts: Counts, labels: Counts) -> NDArray[np.int64]:
-    """Labels by the highest *mean* count over a label's presentations, as the released code assigns them.
-
-    Differs from `assign` where places were presented unequally often.
-
-    Args:
-        counts: Spikes of each presentation, int (n_presentations, n_exc).
-        labels: Place of each presentation, int (n_presentations,), at least 0.
-    Returns:
-        int64 (n_exc,); equal means: the lowest label; -1 for a neuron that never spiked.
-    Raises:
-        InputError: lengths differ, or a label is negative.
-    """
-    if counts.ndim != 2 or labels.shape != counts.shape[:1]:
-        raise InputError(f"labels: shape {labels.shape}, must be one label for each of {counts.shape[0]} presentations")
-    if labels.size == 0:
-        return np.full(counts.shape[1], -1, np.int64)
-    if int(labels.min()) < 0:
-        raise InputError(f"labels: {int(labels.min())} is negative, must be a place of at least 0")
-    present, index, repeats = np.unique(labels, return_inverse=True, return_counts=True)
-    sums = np.zeros((len(present), counts.shape[1]), np.int64)
-    np.add.at(sums, index.reshape(-1), counts.astype(np.int64))
-    chosen = first_most((sums / repeats[:, None]).T)  # equal fractions give equal quotients, so ties are exact
-    return np.where(chosen >= 0, present.astype(np.int64)[np.maximum(chosen, 0)], -1)
-
-
-def _labels(responses: Counts, assignments: NDArray[np.int64] | None) -> NDArray[np.int64]:
-    """The place that each neuron is assigned to, int64 (n_exc,); -1 for none."""
-    labels = assign(responses) if assignments is None else assignments
-    if labels.shape != responses.shape[:1]:
-        raise InputError(f"assignments: shape {labels.shape}, must be one place for each of {len(responses)} neurons")
-    return labels
-
-
 def _members(labels: NDArray[np.int64], n_places: int) -> tuple[Table, NDArray[np.int64]]:
     """M_l as a table (n_exc, n_places), 1 where neuron i is assigned to l; and their sizes, int64 (n_places,)."""
     known = np.flatnonzero((labels >= 0) & (labels < n_places))
@@ -204,19 +170,16 @@ def _members(labels: NDArray[np.int64], n_places: int) -> tuple[Table, NDArray[n
     return _table(pairs, np.ones(len(known)), (len(labels), n_places)), sizes
 
 
-def standard(
-    responses: Counts, *, variant: Variant = RELEASED, assignments: NDArray[np.int64] | None = None
-) -> ScoresOf:
+def standard(responses: Counts, *, variant: Variant = RELEASED) -> ScoresOf:
     """Standard assignments, equation (5): spikes of the neurons assigned to a place.
 
     Args:
         responses: S^R, int (n_exc, n_places).
         variant: The released code takes the mean over M_l (0 where it is empty), ``printed`` sums.
-        assignments: Labels to use instead of `assign` (responses), e.g. of `assign_from_presentations`.
     """
     _check_responses(responses)
     check_variant(variant)
-    members, sizes = _members(_labels(responses, assignments), responses.shape[1])
+    members, sizes = _members(assign(responses), responses.shape[1])
     if variant == "printed":
         return lambda spikes: _products(spikes, members)
     divisors = np.maximum(sizes, 1).astype(np.float64)
@@ -249,7 +212,6 @@ def weighted(
     strength: bool = True,
     penalty: bool = True,
     variant: Variant = RELEASED,
-    assignments: NDArray[np.int64] | None = None,
 ) -> ScoresOf:
     """Weighted assignments, equations (6) to (8), summed over the neurons; scores are at least 0.
 
@@ -261,7 +223,6 @@ def weighted(
         penalty: Equation (8): times the share of l's spikes that came from neurons which fire at the query, too.
         variant: The released code counts, at l, neurons with more than 0.1 of their spikes there, and scores only
             places that are some neuron's label; ``printed`` counts all neurons, at all places.
-        assignments: Labels to use instead of `assign` (responses); they matter to the released code only.
     """
     _check_responses(responses)
     check_variant(variant)
@@ -269,7 +230,7 @@ def weighted(
     scores_of = _weighted_by(table, _penalties(learned, responses.shape) if penalty else None)
     if variant == "printed":
         return scores_of
-    _, sizes = _members(_labels(responses, assignments), responses.shape[1])
+    _, sizes = _members(assign(responses), responses.shape[1])
     scored = sizes > 0
     return lambda spikes: np.where(scored, scores_of(spikes), 0.0)
 
@@ -342,10 +303,10 @@ def _scaled(scores: Scores, size: NDArray[Any] | int, low: Scores, high: Scores,
     return np.divide(above, spread, out=np.zeros_like(scores), where=spread > 0)
 
 
-def standard_probability(responses: Counts, assignments: NDArray[np.int64] | None = None) -> ScoresOf:
+def standard_probability(responses: Counts) -> ScoresOf:
     """Equation (9) after (5), ``printed``: neurons scaled by the least, the most and all spikes at the query."""
-    unscaled = standard(responses, variant="printed", assignments=assignments)
-    _, size = _members(_labels(responses, assignments), responses.shape[1])
+    unscaled = standard(responses, variant="printed")
+    _, size = _members(assign(responses), responses.shape[1])
 
     def scores_of(spikes: Counts) -> Scores:
         scores = unscaled(spikes)

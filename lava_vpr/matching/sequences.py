@@ -59,7 +59,8 @@ def sequence_scores(scores: Scores, length: int, *, normalise: bool = True) -> S
         length: L, the number of consecutive queries; 1 gives the normalised scores.
         normalise: Whether to `normalise_scores` first; off for scores that are normalised already.
     Returns:
-        float64 (n_queries - L + 1, n_places - L + 1); row and column are the *first* query and place of the window.
+        float64 (n_queries - L + 1, n_places - L + 1); row and column are the *first* query and place of the window. In
+        the causal form they are the last ones: row j is query j + L - 1, column c is place c + L - 1.
     Raises:
         InputError: L is below 1 or exceeds the queries or the places.
     """
@@ -73,27 +74,16 @@ def sequence_scores(scores: Scores, length: int, *, normalise: bool = True) -> S
     return total
 
 
-def causal_sequence_scores(scores: Scores, length: int, *, normalise: bool = True) -> Scores:
-    """Scores of sequences that end at query q and place r: ``sum_{k < length} n(q - k, r - k)``.
+def sequence_truth(truth: NDArray[np.bool_], length: int) -> NDArray[np.bool_]:
+    """Ground truth of windows, laid out as the scores of `sequence_scores`, whose windows are named after their first pair.
 
-    Returns:
-        float64 (n_queries - L + 1, n_places - L + 1): row j is query j + L - 1, column c is place c + L - 1. The first
-        L - 1 queries have no answer yet. The numbers are those of `sequence_scores`.
-    """
-    return sequence_scores(scores, length, normalise=normalise)
-
-
-def sequence_truth(truth: NDArray[np.bool_], length: int, *, causal: bool = False) -> NDArray[np.bool_]:
-    """Ground truth of windows, laid out as the scores of `sequence_scores` (or `causal_sequence_scores`).
-
-    A window answers where one query is: its first one, or in the causal form its last. It is right when that query is
-    truly at that place, whatever the window's other pairs; with one-to-one ground truth, and with a tolerance, all
-    pairs of a window agree anyway. A true place without a full window is none that can be found.
+    A window answers where its first query is. It is right when that query is truly at that place, whatever the window's
+    other pairs; with one-to-one ground truth, and with a tolerance, all pairs of a window agree anyway. A true place
+    without a full window is none that can be found.
 
     Args:
         truth: bool (n_queries, n_places), see `lava_vpr.matching.evaluation`.
         length: L.
-        causal: Whether windows are named after their last pair.
     Returns:
         bool (n_queries - L + 1, n_places - L + 1).
     Raises:
@@ -102,25 +92,23 @@ def sequence_truth(truth: NDArray[np.bool_], length: int, *, causal: bool = Fals
     n_queries, n_places = truth.shape
     _check_length(length, n_queries, n_places)
     shift = length - 1
-    return truth[shift:, shift:] if causal else truth[: n_queries - shift, : n_places - shift]
+    return truth[: n_queries - shift, : n_places - shift]
 
 
 @dataclass(frozen=True, eq=False)
 class SequenceMatcher:
-    """`causal_sequence_scores` for a stream, some queries at a time and the same bit for bit; state goes in and out.
+    """`sequence_scores`, causal, for a stream, some queries at a time and the same bit for bit; state goes in and out.
 
     ``matcher, scores = matcher.update(rows)``; start a new one where the stream is interrupted.
 
     Attributes:
         n_places: Number of places.
         length: L.
-        normalise: Whether to normalise each query's scores.
         rows: The scores of the last queries, oldest first, at most L - 1 (m, n_places); None before the first.
     """
 
     n_places: int
     length: int
-    normalise: bool = True
     rows: Scores | None = None
 
     def __post_init__(self) -> None:
@@ -141,12 +129,12 @@ class SequenceMatcher:
             raise InputError(
                 f"scores of shape {scores.shape} given to a matcher of {self.n_places} places; use one model throughout"
             )
-        values = normalise_scores(scores) if self.normalise else np.asarray(scores, dtype=np.float64)
-        known = np.array(values) if self.rows is None else np.concatenate([self.rows, values])
+        values = normalise_scores(scores)
+        known = values if self.rows is None else np.concatenate([self.rows, values])
         if len(known) < self.length:
             return replace(self, rows=known), np.zeros((0, self.n_places - self.length + 1))
         last = known[len(known) - self.length + 1 :].copy()
-        return replace(self, rows=last), causal_sequence_scores(known, self.length, normalise=False)
+        return replace(self, rows=last), sequence_scores(known, self.length, normalise=False)
 
 
 class Pace:

@@ -26,7 +26,7 @@ from lava_vpr.encoding import encode_traverse
 from lava_vpr.errors import InputError
 from lava_vpr.matching.answers import answers_of
 from lava_vpr.matching.decoders import DECODERS
-from lava_vpr.matching.sequences import causal_sequence_scores
+from lava_vpr.matching.sequences import sequence_scores
 from lava_vpr.model import Model, decode
 from lava_vpr.recognition import answer_stream, count_query_spikes
 from lava_vpr.traverse import open_traverse
@@ -67,7 +67,7 @@ def literal(model: Model, source: str, sequence: int, places: tuple[int, int], s
     least = calibration.keeping(0.95).probability
     first, windows = 0, answers_of(name, scores, calibration)
     if sequence > 1:
-        first, windows = sequence - 1, answers_of("sequence", causal_sequence_scores(scores, sequence))
+        first, windows = sequence - 1, answers_of("sequence", sequence_scores(scores, sequence))
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(("query", "query_name", "place", "place_name", "confidence", "accepted", "probability"))

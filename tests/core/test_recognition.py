@@ -284,7 +284,7 @@ def test_sequences_are_windows_of_the_single_scores(length: int) -> None:
         shares = single.scores[name] / np.abs(single.scores[name]).sum(axis=1, keepdims=True)
         literal = [[sum(shares[q + k, r + k] for k in range(length)) for r in range(windows)] for q in range(windows)]
         np.testing.assert_allclose(scores, literal, rtol=1e-12, err_msg=name)
-    causal = sequences.causal_sequence_scores(single.scores[single.default], length)
+    causal = sequences.sequence_scores(single.scores[single.default], length)
     np.testing.assert_array_equal(result.scores[result.default], causal)
     np.testing.assert_array_equal(result.confidence, confidence("sequence", causal))
 

@@ -189,34 +189,6 @@ def test_assignments_take_the_most_spikes_and_the_lowest_of_equals() -> None:
     assert equations.assign(responses).tolist() == [1, -1, 0]
 
 
-def test_assignments_by_mean_count_differ_where_places_were_shown_unequally_often() -> None:
-    counts = np.array([[2, 0, 1], [2, 0, 2], [3, 0, 0], [0, 0, 1]], dtype=np.uint8)
-    labels = np.array([4, 4, 7, 9])
-    # Neuron 0: sums 4 against 3, means 2 against 3. Neuron 2: means 1.5 against 1.
-    assert equations.assign_from_presentations(counts, labels).tolist() == [7, -1, 4]
-
-
-def test_equal_means_of_different_numbers_of_presentations_go_to_the_lowest_label() -> None:
-    counts = np.array([[1], [0], [0], [2], [0], [0], [0], [0], [0]])  # 1/3 and 2/6
-    assert equations.assign_from_presentations(counts, np.array([5, 5, 5, 2, 2, 2, 2, 2, 2])).tolist() == [2]
-    assert equations.assign_from_presentations(counts, np.array([2, 2, 2, 5, 5, 5, 5, 5, 5])).tolist() == [2]
-
-
-def test_assignments_without_presentations_are_none() -> None:
-    assert equations.assign_from_presentations(np.zeros((0, 2), int), np.zeros(0, int)).tolist() == [-1, -1]
-
-
-def test_given_assignments_are_used() -> None:
-    responses, spikes = np.array([[3, 1], [3, 1]]), np.array([[2, 5]])
-    own = np.array([1, 1])
-    assert decoders.decode("standard", responses, spikes, variant="printed", assignments=own).tolist() == [[0.0, 7.0]]
-    assert decoders.decode("standard", responses, spikes, assignments=own).tolist() == [[0.0, 3.5]]
-    released = decoders.decode("weighted", responses, spikes, variant="vprsnn", assignments=own)
-    assert released[0, 0] == 0
-    assert released[0, 1] > 0
-    assert decoders.decode("probability", responses, spikes, assignments=own)[0, 0] == 0
-
-
 @pytest.mark.parametrize("variant", equations.VARIANTS)
 @pytest.mark.parametrize("name", DECODERS)
 def test_a_silent_query_matches_nothing(name: str, variant: Any) -> None:
@@ -307,15 +279,6 @@ def test_unknown_names_are_refused() -> None:
         decoders.decode("contrast", one, one, variant="2023")  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match="there is no matcher 'best'; choose from contrast"):
         confidence("best", np.ones((1, 1)))
-
-
-def test_labels_that_do_not_fit_are_refused() -> None:
-    with pytest.raises(InputError, match=r"labels: shape \(3,\), must be one label for each of 2 presentations"):
-        equations.assign_from_presentations(np.ones((2, 1), int), np.zeros(3, int))
-    with pytest.raises(InputError, match="labels: -1 is negative"):
-        equations.assign_from_presentations(np.ones((1, 1), int), np.array([-1]))
-    with pytest.raises(InputError, match=r"assignments: shape \(1,\), must be one place for each of 2 neurons"):
-        equations.standard(np.ones((2, 1), int), assignments=np.zeros(1, np.int64))
 
 
 @pytest.mark.parametrize("most", [1 << 22, 1 << 24, 1 << 30])

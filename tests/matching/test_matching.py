@@ -15,7 +15,6 @@ from lava_vpr.matching.answers import Answerer, Answers, Together, answers_of
 from lava_vpr.matching.evaluation import truth_from_indices
 from lava_vpr.matching.sequences import (
     SequenceMatcher,
-    causal_sequence_scores,
     normalise_scores,
     sequence_scores,
     sequence_truth,
@@ -48,8 +47,8 @@ def literal(scores: NDArray[np.float64], length: int, causal: bool) -> dict[tupl
 @settings(deadline=None, max_examples=80, derandomize=True)
 def test_sequences_equal_the_loops(case: tuple[NDArray[np.float64], int]) -> None:
     scores, length = case
-    for causal, matrix in ((False, sequence_scores(scores, length)), (True, causal_sequence_scores(scores, length))):
-        shift = length - 1 if causal else 0
+    for causal in (False, True):
+        matrix, shift = sequence_scores(scores, length), length - 1 if causal else 0
         expected = literal(scores, length, causal)
         assert matrix.size == len(expected)
         for (q, r), value in expected.items():
@@ -93,7 +92,7 @@ def test_a_stream_gives_the_bits_of_the_batch(case: tuple[NDArray[np.float64], i
             assert len(matcher.rows) == min(seen, length - 1)
             assert matcher.rows.base is None  # nothing older is held by it
             answers.append(answer)
-        np.testing.assert_array_equal(np.concatenate(answers), causal_sequence_scores(scores, length))
+        np.testing.assert_array_equal(np.concatenate(answers), sequence_scores(scores, length))
 
 
 @given(case=scores_and_length(), ends=st.lists(st.integers(0, 9), max_size=9))
@@ -103,7 +102,7 @@ def test_answers_do_not_depend_on_how_queries_come(case: tuple[NDArray[np.float6
     scores, length = case
     first = length - 1
     if length > 1:
-        windows = answers_of("sequence", causal_sequence_scores(scores, length))
+        windows = answers_of("sequence", sequence_scores(scores, length))
         known = windows.matches >= 0
         whole = Answers(
             np.concatenate([np.full(first, -1), np.where(known, windows.matches + first, -1)]),
@@ -123,15 +122,14 @@ def test_answers_do_not_depend_on_how_queries_come(case: tuple[NDArray[np.float6
 
 
 def test_a_stream_is_not_changed_by_what_follows() -> None:
-    for normalise in (True, False):
-        first, row = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
-        start, none = SequenceMatcher(3, 2, normalise).update(first)
-        assert none.shape == (0, 2)
-        _, once = start.update(row)
-        start.update(np.array([[5.0, 5.0, 5.0]]))
-        row[:] = first[:] = 9.0
-        _, again = start.update(np.array([[0.0, 1.0, 0.0]]))
-        assert once.tolist() == again.tolist() == [[2.0, 0.0]]
+    first, row = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
+    start, none = SequenceMatcher(3, 2).update(first)
+    assert none.shape == (0, 2)
+    _, once = start.update(row)
+    start.update(np.array([[5.0, 5.0, 5.0]]))
+    row[:] = first[:] = 9.0
+    _, again = start.update(np.array([[0.0, 1.0, 0.0]]))
+    assert once.tolist() == again.tolist() == [[2.0, 0.0]]
 
 
 def test_normalised_scores_of_similarities_distances_and_silence() -> None:
@@ -158,9 +156,6 @@ def test_the_input_is_left_as_it_was() -> None:
 def test_scores_can_be_taken_as_they_are() -> None:
     scores = np.array([[1.0, 2.0], [3.0, 4.0]])
     assert sequence_scores(scores, 2, normalise=False).tolist() == [[5.0]]
-    assert causal_sequence_scores(scores, 2, normalise=False).tolist() == [[5.0]]
-    matcher, _ = SequenceMatcher(2, 2, normalise=False).update(scores[:1])
-    assert matcher.update(scores[1:])[1].tolist() == [[5.0]]
 
 
 def test_a_sequence_finds_the_place_that_single_images_miss() -> None:
@@ -178,14 +173,12 @@ def test_all_pairs_of_a_window_agree_with_a_tolerance(tolerance: int) -> None:
             [[all(truth[q + k, r + k] for k in range(length)) for r in range(10 - length)] for q in range(10 - length)]
         )
         np.testing.assert_array_equal(sequence_truth(truth, length), expected)
-        np.testing.assert_array_equal(sequence_truth(truth, length, causal=True), expected)
 
 
-def test_a_window_is_true_where_its_first_or_last_query_is() -> None:
+def test_a_window_is_true_where_its_first_query_is() -> None:
     truth = np.zeros((3, 4), dtype=bool)
     truth[0, 1] = truth[1, 3] = truth[2, 3] = True
     assert sequence_truth(truth, 2).tolist() == [[False, True, False], [False, False, False]]
-    assert sequence_truth(truth, 2, causal=True).tolist() == [[False, False, True], [False, False, True]]
 
 
 @pytest.mark.parametrize("length", [0, -2])
@@ -200,7 +193,7 @@ def test_a_sequence_longer_than_the_route_is_refused() -> None:
     with pytest.raises(InputError, match="sequence length 4 exceeds the 3 queries; use a shorter sequence"):
         sequence_scores(np.ones((3, 9)), 4)
     with pytest.raises(InputError, match="sequence length 4 exceeds the 3 places; use a shorter sequence"):
-        causal_sequence_scores(np.ones((9, 3)), 4)
+        sequence_scores(np.ones((9, 3)), 4)
     with pytest.raises(InputError, match="sequence length 4 exceeds the 3 queries"):
         sequence_truth(np.ones((3, 3), dtype=bool), 4)
     with pytest.raises(InputError, match="sequence length 4 exceeds the 3 places"):

@@ -37,8 +37,7 @@ def responses_of(counts: NDArray[Any], labels: NDArray[Any]) -> NDArray[Any]:
 @pytest.mark.data
 def test_assignments_of_the_released_responses(released: tuple[NDArray[Any], NDArray[Any]]) -> None:
     counts, labels = released
-    assignments = equations.assign_from_presentations(counts, labels)
-    np.testing.assert_array_equal(equations.assign(responses_of(counts, labels)), assignments)
+    assignments = equations.assign(responses_of(counts, labels))
     assert assignments[:10].tolist() == [54, 95, 57, 1, 14, 75, 62, 48, 87, 46]
     assert hashlib.sha1(assignments.astype("<i2").tobytes()).hexdigest().startswith("29082fa7c84d")
     per_label = np.bincount(assignments, minlength=100)
