@@ -75,7 +75,7 @@ def sequence_scores(scores: Scores, length: int, *, normalise: bool = True) -> S
 
 
 def sequence_truth(truth: NDArray[np.bool_], length: int) -> NDArray[np.bool_]:
-    """Ground truth of windows, laid out as the scores of `sequence_scores`, whose windows are named after their first pair.
+    """Ground truth of windows, laid out as the scores of `sequence_scores`: named after their first pair.
 
     A window answers where its first query is. It is right when that query is truly at that place, whatever the window's
     other pairs; with one-to-one ground truth, and with a tolerance, all pairs of a window agree anyway. A true place

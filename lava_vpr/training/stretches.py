@@ -29,7 +29,7 @@ from lava_vpr.model import Stretch
 from lava_vpr.storage.text import shown
 from lava_vpr.training.checkpoint import Checkpoint
 from lava_vpr.training.measuring import coverage
-from lava_vpr.training.trainers import StretchTrainer, restore, trainer_of
+from lava_vpr.training.trainers import StretchTrainer, restore, rule_of
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def trainers_of(
 def _trainer(stretch: Stretch, activity: NDArray[np.float32], config: Config) -> StretchTrainer:
     """A new trainer of a stretch with these images, (traverses, places, inputs)."""
     first = images_of(activity[:1], config).keys[0]  # start weights are drawn for these
-    return trainer_of(config, stretch, stretch_key(first), activity.reshape(-1, activity.shape[2]))
+    return rule_of(config).trainer(config, stretch, stretch_key(first), activity.reshape(-1, activity.shape[2]))
 
 
 def learn(

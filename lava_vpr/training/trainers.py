@@ -35,13 +35,16 @@ class StretchTrainer(Protocol):
     recruited.
     """
 
-    def begin_epoch(self, epoch: int) -> None: ...
+    def begin_epoch(self, epoch: int) -> None:
+        """Make ready for ``epoch``, from 0; to be called before its first image."""
+        return None
 
     def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]: ...
 
     def state(self) -> dict[str, NDArray[Any]]: ...
 
-    def thresholds(self) -> Thresholds | None: ...
+    def thresholds(self) -> Thresholds | None:
+        return None
 
     def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]: ...
 
@@ -71,14 +74,19 @@ ROUNDING = 1.001
 """Room for what sums in float32 round up."""
 
 
-class LifTrainer:
-    """The ``loihi`` preset's network, learning in float."""
+class StdpTrainer(StretchTrainer):
+    """The integer network, learning in float or in Loihi's integers, as ``learning.arithmetic`` says."""
 
     def __init__(self, config: Config, stretch: Stretch, key: int) -> None:
-        settings = integer_config(config, "LifTrainer")
-        self._learning, self._places = settings.learning, stretch.places
-        start = stdp.initial_state(config.encoder.inputs, stretch.neurons, settings.learning, config.seed, key)
-        self._trainer = stdp.Trainer(start, settings.learning, config.encoder.train_spikes)
+        self._learning = learning = integer_config(config, "StdpTrainer").learning
+        self._places, self._exact = stretch.places, learning.arithmetic == "integer"
+        inputs, spikes, seed = config.encoder.inputs, config.encoder.train_spikes, config.seed
+        self._trainer = (
+            integer.IntegerTrainer(inputs, stretch.neurons, learning, spikes, seed, key)
+            if self._exact
+            else stdp.Trainer(stdp.initial_state(inputs, stretch.neurons, learning, seed, key), learning, spikes)
+        )
+        self._start = float(self._trainer.state.theta[0])
 
     def begin_epoch(self, epoch: int) -> None:
         self._trainer.begin_epoch(epoch)
@@ -90,9 +98,11 @@ class LifTrainer:
         return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
 
     def thresholds(self) -> Thresholds:
-        return Thresholds(self._trainer.state.theta, self._learning.threshold, math.inf)
+        return Thresholds(self._trainer.state.theta, self._start, THRESHOLD_LIMIT - 1 if self._exact else math.inf)
 
     def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]:
+        if self._exact:
+            return {"weights": (0, WEIGHT_LIMIT), "theta": (1, THRESHOLD_LIMIT - 1)}
         learning, inputs = self._learning, len(self._trainer.state.weights)
         spikes = epochs * self._places * learning.steps  # of the first traverse: thresholds rise in the first phase
         theta = (learning.threshold + learning.theta_plus * spikes) * max(1.0, learning.consolidation_threshold)
@@ -100,45 +110,11 @@ class LifTrainer:
         return {"weights": (0, heaviest * ROUNDING), "theta": (0, theta * ROUNDING)}
 
 
-class IntegerLifTrainer:
-    """The current-based network, learning in Loihi's integers."""
-
-    def __init__(self, config: Config, stretch: Stretch, key: int) -> None:
-        settings = integer_config(config, "IntegerLifTrainer")
-        self._trainer = integer.IntegerTrainer(
-            config.encoder.inputs,
-            stretch.neurons,
-            settings.learning,
-            config.encoder.train_spikes,
-            config.seed,
-            key,
-        )
-        self._start = float(self._trainer.state.theta[0])
-
-    def begin_epoch(self, epoch: int) -> None:
-        self._trainer.begin_epoch(epoch)
-
-    def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
-        return self._trainer.present(rates, key)
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
-
-    def thresholds(self) -> Thresholds:
-        return Thresholds(self._trainer.state.theta, self._start, THRESHOLD_LIMIT - 1)
-
-    def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]:
-        return {"weights": (0, WEIGHT_LIMIT), "theta": (1, THRESHOLD_LIMIT - 1)}
-
-
-class TemplateTrainer:
+class TemplateTrainer(StretchTrainer):
     """What learning is held against: the neuron of a place has the rates of the place's references as its weights."""
 
     def __init__(self, config: Config, stretch: Stretch) -> None:
         self._weights = np.zeros((config.encoder.inputs, stretch.neurons), np.float32)
-
-    def begin_epoch(self, epoch: int) -> None:
-        pass
 
     def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
         self._weights[:, place] += rates.astype(np.float32) / 65536
@@ -147,14 +123,11 @@ class TemplateTrainer:
     def state(self) -> dict[str, NDArray[Any]]:
         return {"weights": self._weights}
 
-    def thresholds(self) -> None:
-        return None
-
     def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]:
         return {"weights": (0, epochs * traverses)}
 
 
-class ConductanceTrainer:
+class ConductanceTrainer(StretchTrainer):
     """The ``paper`` preset's network; S^R is counted during the last epochs, while it still learns."""
 
     def __init__(self, config: Config, stretch: Stretch, key: int) -> None:
@@ -163,9 +136,6 @@ class ConductanceTrainer:
         self._config, self._learning = config, config.learning
         self.network = conductance.initial_state(config, config.encoder.inputs)
         self.responses = np.zeros((stretch.neurons, stretch.places), np.int32)
-
-    def begin_epoch(self, epoch: int) -> None:
-        pass  # one phase only
 
     def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
         counts, _ = conductance.train_presentation(self.network, rates, key, self._config)
@@ -181,9 +151,6 @@ class ConductanceTrainer:
             "responses": self.responses,
         }
 
-    def thresholds(self) -> None:
-        return None
-
     def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]:
         learning, steps = self._learning, self._config.network.steps
         presentations = epochs * traverses * self.responses.shape[1]
@@ -193,11 +160,6 @@ class ConductanceTrainer:
             "theta_mv": (0, (learning.theta_start_mv + learning.theta_plus_mv * steps * presentations) * ROUNDING),
             "responses": (0, steps * traverses * counted),
         }
-
-
-def trainer_of(config: Config, stretch: Stretch, key: int, activity: NDArray[np.float32]) -> StretchTrainer:
-    """The trainer that learns one stretch under ``config``; arguments as of `LearningRule.trainer`."""
-    return rule_of(config).trainer(config, stretch, key, activity)
 
 
 def rule_of(config: Config) -> LearningRule:
@@ -252,26 +214,22 @@ class LearningRule:
 STDP = "stdp"
 LEARNING: Registry[LearningRule] = Registry("learning rule", ConfigError)
 """The ways to learn an integer network."""
-LEARNING.register(
+for _row in (
     LearningRule(
         "float",
         "by STDP, in real numbers",
-        lambda config, stretch, key, _: LifTrainer(config, stretch, key),
+        lambda config, stretch, key, _: StdpTrainer(config, stretch, key),
         STDP,
         "float",
-    )
-)
-LEARNING.register(
+    ),
     LearningRule(
         "integer",
         "in Loihi's 8-bit weights and 7-bit traces",
-        lambda config, stretch, key, _: IntegerLifTrainer(config, stretch, key),
+        lambda config, stretch, key, _: StdpTrainer(config, stretch, key),
         STDP,
         "integer",
         check=lambda config: integer.phases(config.learning, config.encoder.inputs, config.encoder.train_spikes),
-    )
-)
-LEARNING.register(
+    ),
     LearningRule(
         "slayer",
         "by gradients through spikes on changed references (lava-dl and torch, an extra)",
@@ -281,9 +239,7 @@ LEARNING.register(
         check=lambda config: needs.require(),
         neuron_a_place=True,
         signed=True,
-    )
-)
-LEARNING.register(
+    ),
     LearningRule(
         "template",
         "not at all, the references' own rates are the weights, to hold learning against",
@@ -291,8 +247,9 @@ LEARNING.register(
         "template",
         epochs=1,
         neuron_a_place=True,
-    )
-)
+    ),
+):
+    LEARNING.register(_row)
 CONDUCTANCE = LearningRule(
     "conductance", "preset paper", lambda config, stretch, key, _: ConductanceTrainer(config, stretch, key), "triplet"
 )

@@ -245,7 +245,7 @@ def test_a_stretch_learns_what_it_is_shown() -> None:
     rates[:20] = round(12 / 20 * 65536 * 0.999)
     for epoch in range(3):
         trainer.begin_epoch(epoch)
-        counts = trainer.present(rates, epoch)
+        counts, _ = trainer.present(rates, epoch)
     winner = int(counts.argmax())
     assert trainer.state.weights[:20, winner].mean() > 5 * trainer.state.weights[20:, winner].mean()
     before = trainer.state.theta.copy()

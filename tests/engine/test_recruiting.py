@@ -11,7 +11,7 @@ from lava_vpr.configfile import update
 from lava_vpr.engine.learning.recruiting import Thresholds, key_again, recruit, rounds, unpaired
 from lava_vpr.engine.random import image_keys, presentation_key
 from lava_vpr.model import Stretch
-from lava_vpr.training.trainers import StretchTrainer, trainer_of
+from lava_vpr.training.trainers import StretchTrainer, rule_of
 
 PLACES = 3
 
@@ -93,7 +93,9 @@ def config(**learning: object) -> Config:
 @pytest.mark.parametrize("arithmetic", ["float", "integer"])
 def test_neurons_that_have_a_place_learn_nothing_more(arithmetic: str) -> None:
     settings = config(arithmetic=arithmetic)
-    trainer: StretchTrainer = trainer_of(settings, Stretch(0, PLACES, 0, PLACES), 0, np.zeros((0, 0), np.float32))
+    trainer: StretchTrainer = rule_of(settings).trainer(
+        settings, Stretch(0, PLACES, 0, PLACES), 0, np.zeros((0, 0), np.float32)
+    )
     inputs = settings.encoder.inputs
     rates = np.zeros((PLACES, inputs), np.uint16)
     for place, row in enumerate(rates):

@@ -18,7 +18,7 @@ from lava_vpr.storage import container
 from lava_vpr.training import checkpoint
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
 from lava_vpr.training.loop import split, train
-from lava_vpr.training.trainers import trainer_of
+from lava_vpr.training.trainers import rule_of
 
 Header = dict[str, Any]
 Arrays = dict[str, np.ndarray]
@@ -40,7 +40,7 @@ def saved(kind: str) -> tuple[Header, Arrays]:
     """A sound checkpoint: one epoch of every stretch."""
     config, references = settings(kind)
     stretches = split(8, config)
-    states = [trainer_of(config, stretch, k, NO_IMAGES).state() for k, stretch in enumerate(stretches)]
+    states = [rule_of(config).trainer(config, stretch, k, NO_IMAGES).state() for k, stretch in enumerate(stretches)]
     arrays = {f"{k}.{name}": array for k, state in enumerate(states) for name, array in state.items()}
     epochs = {str(k): 1 for k in range(len(states))}
     return {"fingerprint": fingerprint(references, config, stretches), "epochs": epochs}, arrays
@@ -121,7 +121,9 @@ def test_what_training_saves_is_taken(kind: str, tmp_path: Path, monkeypatch: py
 
     def checked(self: Checkpoint, number: int, epoch: int, state: Arrays) -> None:
         update(self, number, epoch, state)
-        trainers = [trainer_of(config, stretch, k, NO_IMAGES) for k, stretch in enumerate(split(8, config))]
+        trainers = [
+            rule_of(config).trainer(config, stretch, k, NO_IMAGES) for k, stretch in enumerate(split(8, config))
+        ]
         store = Checkpoint(path, self.fingerprint)
         store.load(trainers, config.learning.epochs, len(references))
         taken.append(store.epochs[number])

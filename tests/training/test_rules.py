@@ -37,7 +37,7 @@ def test_a_rule_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     LEARNING.register(row)
     try:
-        monkeypatch.setattr("lava_vpr.training.trainers.rule_of", lambda config: LEARNING["counting"])
+        monkeypatch.setattr("lava_vpr.training.stretches.rule_of", lambda config: LEARNING["counting"])
         made = train([encoded()], small_config(learning={"epochs": 2}))
     finally:
         LEARNING.remove("counting")

@@ -346,6 +346,6 @@ class IntegerTrainer:
             self.state.theta[:] = np.maximum(1, self.state.theta.astype(np.int64) * factor >> 8)
         self.phase = self.competition if epoch < self.learning.competing else self.consolidation
 
-    def present(self, rates: NDArray[np.uint16], key: int) -> NDArray[np.int32]:
-        """Normalise, show one image, learn; spike counts int32 (neurons,)."""
-        return present(self.state, self.phase, rates, key)[0]
+    def present(self, rates: NDArray[np.uint16], key: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+        """Normalise, show one image, learn; spike counts int32 (neurons,) and events, as `stdp.Trainer.present`."""
+        return present(self.state, self.phase, rates, key)[:2]

@@ -24,7 +24,7 @@ from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
 from lava_vpr.model import Model, save
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
 from lava_vpr.training.loop import split, train
-from lava_vpr.training.trainers import trainer_of
+from lava_vpr.training.trainers import rule_of
 from lava_vpr.traverse import open_traverse
 
 PLACES, TRAVERSES = 6, 2
@@ -151,7 +151,7 @@ def _interrupted(path: Path, made: Corpus, name: str) -> bytes:
     config = SETTINGS[name]
     store = Checkpoint(path, made.fingerprint(name), interval=1e9)
     for number, stretch in enumerate(split(PLACES, config)):
-        state = trainer_of(config, stretch, number, np.zeros((0, 0), np.float32)).state()
+        state = rule_of(config).trainer(config, stretch, number, np.zeros((0, 0), np.float32)).state()
         store.update(number, 2 if number == 0 else 1, state)
     store.flush()
     return path.read_bytes()

@@ -55,7 +55,7 @@ from lava_vpr.storage import container
 from lava_vpr.storage.limits import LIMITS, variable
 from lava_vpr.training.checkpoint import Checkpoint
 from lava_vpr.training.loop import split, train
-from lava_vpr.training.trainers import trainer_of
+from lava_vpr.training.trainers import rule_of
 from lava_vpr.traverse import open_traverse
 from lava_vpr.truth.groundtruth import read_ground_truth
 
@@ -210,7 +210,9 @@ def read_checkpoint(case: Case, corpus: Corpus, path: Path) -> None:
     config, references = SETTINGS[case.honest], corpus.references[case.honest]
     kept = Checkpoint(path, corpus.fingerprint(case.honest))
     none = np.zeros((0, 0), np.float32)
-    trainers = [trainer_of(config, part, number, none) for number, part in enumerate(split(PLACES, config))]
+    trainers = [
+        rule_of(config).trainer(config, part, number, none) for number, part in enumerate(split(PLACES, config))
+    ]
     kept.load(trainers, config.learning.epochs, len(references))
     held = container.load(path, "checkpoint")[1]
     state = {f"{n}.{name}": array for n in kept.epochs for name, array in trainers[n].state().items()}
