@@ -19,7 +19,7 @@ from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import query_presentations
 from lava_vpr.encoding import encode_arrays
 from lava_vpr.model import prepare
-from lava_vpr.report.fields import edge_direction
+from lava_vpr.report.images import edge_direction
 from lava_vpr.synthetic.world import render
 
 PLACE = 32

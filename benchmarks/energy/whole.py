@@ -18,11 +18,11 @@ import numpy as np
 from benchmarks.places import SECTIONS, answer, encoded, folder, learn
 from benchmarks.program import Printed, program, turns
 from lava_vpr.backends.host import HostBackend
-from lava_vpr.bench.energy import AnsweringWay, on_board
 from lava_vpr.bench.measure import alone
 from lava_vpr.bench.measure.timing import each_image, measure_encoding
 from lava_vpr.bench.query_set import QuerySet
-from lava_vpr.bench.show.energy import table
+from lava_vpr.bench.results import AnsweringWay, on_board
+from lava_vpr.bench.show.tables import energy
 from lava_vpr.config import PRESETS, preset
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import plan_of
@@ -88,5 +88,5 @@ def main(rounds: int) -> Printed:
         boards.append(way)
     ways = [AnsweringWay("host", found[name][name], ms[f"{name}, host"], ms["encoding"]) for name in every]
     ways += [AnsweringWay(name, found[INTEGER[0]][name], ms[name], ms[before]) for name, before in BEFORE.items()]
-    yield table(boards, [f"{name}, Kapoho Bay" for name in every])
-    yield table(ways, [*(f"{name}, no board" for name in every), "cosine", "HOG", "SAD"])
+    yield energy(boards, [f"{name}, Kapoho Bay" for name in every])
+    yield energy(ways, [*(f"{name}, no board" for name in every), "cosine", "HOG", "SAD"])

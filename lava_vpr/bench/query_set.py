@@ -1,12 +1,16 @@
-"""The queries of a run, with what every stage needs of them, worked out once."""
+"""The queries of a run, with what every stage needs of them, and what its figures are to be read with."""
 
 from __future__ import annotations
 
+import importlib.metadata
+import platform
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr import __version__
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations, query_presentations
 from lava_vpr.cluster.tasks import Pool
@@ -48,3 +52,39 @@ class QuerySet:
             ConfigError: the model has no integer network.
         """
         return HostBackend(Pool(cores())).trains(self.model, self.shown.part(chosen))
+
+
+def model_facts(model: Model, decoder: str) -> dict[str, object]:
+    """Figures of the model that the others are to be read with."""
+    return {
+        "preset": model.config.preset,
+        "places": model.places,
+        "neurons": model.neurons,
+        "inputs": model.config.encoder.inputs,
+        "weight_bits": model.weight_bits,
+        "steps": model.config.network.steps,
+        "input_spikes_per_step": model.config.encoder.query_spikes,
+        "decoder": decoder,
+    }
+
+
+def machine(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, object]:
+    """Processor and software that the measured figures belong to."""
+    try:
+        lines = cpuinfo.read_text(errors="replace").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    facts: dict[str, object] = {
+        "processor": names[0] if names else platform.processor() or platform.machine(),
+        "processors": cores(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        "lava_vpr": __version__,
+    }
+    for package in ("numpy", "numba", "lava-nc"):
+        try:
+            facts[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            facts[package] = None
+    return facts

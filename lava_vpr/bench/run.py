@@ -11,16 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.bench import modelling
-from lava_vpr.bench.energy import AnsweringWay, on_board
-from lava_vpr.bench.facts import machine, model_facts
 from lava_vpr.bench.measure import alone
 from lava_vpr.bench.measure.asked import asked
 from lava_vpr.bench.measure.timing import measure, measure_encoding, measure_localizer
 from lava_vpr.bench.measure.workload import workload
 from lava_vpr.bench.peers import run_peers
-from lava_vpr.bench.query_set import QuerySet
+from lava_vpr.bench.query_set import QuerySet, machine, model_facts
 from lava_vpr.bench.request import Begin, Request
-from lava_vpr.bench.results import Bench, Measured, OnMap, Peer, QueryVariants, SweepPoint, Workload
+from lava_vpr.bench.results import (
+    AnsweringWay,
+    Bench,
+    Measured,
+    OnMap,
+    Peer,
+    QueryVariants,
+    SweepPoint,
+    Workload,
+    on_board,
+)
 from lava_vpr.bench.sweep import BUDGET, Case, sweep
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import EncodedTraverse

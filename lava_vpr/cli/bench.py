@@ -123,7 +123,7 @@ def _refuse(model: Model, path: Path, request: Request) -> None:
 def _tell(results: Bench, json_path: Path | None, page: Path | None) -> None:
     """Write the files, then print the tables: whoever reads these may go away."""
     from lava_vpr.bench.show.json_values import as_json
-    from lava_vpr.bench.show.terminal import absences, tables
+    from lava_vpr.bench.show.sections import absences, tables
 
     def drawn() -> str:
         from lava_vpr.bench.show.page import page as page_of  # matplotlib takes a second to be imported

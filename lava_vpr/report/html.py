@@ -13,11 +13,10 @@ from lava_vpr.matching.evaluation import TITLES, values_of
 from lava_vpr.report import sections, trust
 from lava_vpr.report.data import ReportData
 from lava_vpr.report.plots import precision_recall, series_style
-from lava_vpr.report.text import label
+from lava_vpr.report.sections import label
 from lava_vpr.show.numbers import fraction, is_number
 from lava_vpr.show.page import document
-from lava_vpr.show.templates import render, text
-from lava_vpr.show.text import plain, safe
+from lava_vpr.show.templates import plain, render, safe, text
 
 
 def is_baseline(name: str, default: str) -> bool:

@@ -8,8 +8,7 @@ from lava_vpr.matching.trust import Threshold, Trust
 from lava_vpr.report.data import MatcherFigures
 from lava_vpr.show.numbers import fraction, is_number
 from lava_vpr.show.svg import THEME, Style, canvas, to_svg
-from lava_vpr.show.templates import render
-from lava_vpr.show.text import safe
+from lava_vpr.show.templates import render, safe
 
 _WAYS = {"single": ("each image alone", "c0", "o"), "filtered": ("filtered", "c3", "D")}
 """Title, colour and marker of each way to answer."""

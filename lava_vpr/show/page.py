@@ -8,8 +8,7 @@ from pathlib import Path
 
 from lava_vpr import __version__
 from lava_vpr.errors import InputError
-from lava_vpr.show.templates import render, text
-from lava_vpr.show.text import safe
+from lava_vpr.show.templates import render, safe, text
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import write_atomically
 

@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from lava_vpr.show.templates import render
-from lava_vpr.show.text import safe
+from lava_vpr.show.templates import render, safe
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from lava_vpr.errors import InputError
 from lava_vpr.model import Model
 from lava_vpr.show.page import document
-from lava_vpr.show.templates import render, text
-from lava_vpr.show.text import safe
+from lava_vpr.show.templates import render, safe, text
 from lava_vpr.watch.watching import HISTORY, Recent
 
 LOOPBACK = "127.0.0.1"

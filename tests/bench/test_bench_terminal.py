@@ -13,7 +13,7 @@ from lava_vpr.bench.results import (
     Measured,
     SweepPoint,
 )
-from lava_vpr.bench.show import energy, plots
+from lava_vpr.bench.show import plots
 from lava_vpr.bench.show import tables as described
 from lava_vpr.bench.show.json_values import as_json
 from lava_vpr.bench.show.page import page
@@ -35,9 +35,9 @@ def test_recall_comes_first_and_what_is_modelled_says_so() -> None:
 def test_every_modelled_figure_stands_below_the_word() -> None:
     energies = ("uJ", "mJ", "pJ")
     run = bench()
-    whole = energy.table(run.energy)
+    whole = described.energy(run.energy)
     assert [whole.rows[k][0] for k in sorted(whole.strong)] == ["all but the encoding", "all of it"]
-    alone = energy.table(run.energy[1:])
+    alone = described.energy(run.energy[1:])
     assert [row[0] for row in alone.rows if "board" in row[0]] == []
     assert [alone.rows[k][0] for k in sorted(alone.strong)] == ["all but the encoding", "all of it"]
     assert all(("modelled" in row[0]) == (row[0].startswith("board")) for row in whole.rows)

@@ -11,12 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lava_vpr.inputs.orientation import orientation_channels
-from lava_vpr.report.fields import CELL, edge_direction, representatives, strokes
-from lava_vpr.report.images import contact_sheet, shrunk, weight_image
+from lava_vpr.report.images import CELL, contact_sheet, edge_direction, representatives, shrunk, strokes, weight_image
 from lava_vpr.report.plots import pooled, scaled
-from lava_vpr.report.text import number
+from lava_vpr.report.sections import number
 from lava_vpr.show.numbers import counted, fraction
-from lava_vpr.show.text import safe
+from lava_vpr.show.templates import safe
 
 
 @pytest.mark.parametrize("degrees", [0, 30, 45, 75, 90, 120, 135, 170])

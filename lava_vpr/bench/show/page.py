@@ -16,8 +16,7 @@ from lava_vpr.report.sections import where
 from lava_vpr.show.numbers import NONE, figure, fraction, named
 from lava_vpr.show.page import document
 from lava_vpr.show.table import Table, in_html
-from lava_vpr.show.templates import render, text
-from lava_vpr.show.text import safe
+from lava_vpr.show.templates import render, safe, text
 
 
 def _html_tables(tables: Iterable[Table]) -> str:

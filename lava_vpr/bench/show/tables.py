@@ -5,17 +5,53 @@ Whatever the cost model says stands in a row or column whose heading says "model
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from lava_vpr.bench.anchors import ANCHORS
-from lava_vpr.bench.results import Bench, BoardFigures, Measured, Modelled, Peer, QueryVariants, SweepPoint, Workload
+from lava_vpr.bench.results import (
+    AnsweringWay,
+    Bench,
+    BoardFigures,
+    Measured,
+    Modelled,
+    Peer,
+    QueryVariants,
+    SweepPoint,
+    Workload,
+)
 from lava_vpr.bench.show.json_values import PERCENTILES, counts, percentiles
 from lava_vpr.deploy.boards.board import BOARDS
-from lava_vpr.deploy.boards.estimate import Estimate
+from lava_vpr.deploy.boards.constants import HOST_POWER
+from lava_vpr.deploy.boards.estimate import LEVELS, Estimate
 from lava_vpr.matching.evaluation import TITLES, Metrics, values_of
-from lava_vpr.show.numbers import NONE, count, figure, levels, named, percent, size
+from lava_vpr.show.numbers import NONE, count, figure, levels, named, percent, ranged, size
 from lava_vpr.show.table import Table
+
+_WAYS = {
+    "host": "this network, no board",
+    "cosine": "cosine, no network",
+    "sad": "SAD, no network",
+    "hog": "HOG, no network",
+}
+_WATTS = ", ".join(f"{HOST_POWER.at(level) / 1e3:g}" for level in LEVELS)
+
+_ENERGIES: tuple[tuple[str, Callable[[AnsweringWay], Estimate | None]], ...] = (
+    ("board, dynamic, modelled", lambda way: way.dynamic),
+    ("board, static while its chips work, modelled", lambda way: way.static),
+    ("board, static in host I/O after that, modelled", lambda way: way.io_static),
+    ("processor, match or its part of it, timed here", lambda way: way.work),
+    ("all but the encoding", lambda way: way.without_encoding),
+    ("processor, encoding of the image, timed here", lambda way: way.encoding),
+    ("all of it", lambda way: way.whole),
+)
+_SUMS = ("all but the encoding", "all of it")
+
+_ENERGY_NOTE = (
+    "Nominal (low to high). Board: modelled, all its chips, used or not. Processor: median time of single queries on "
+    f"one thread of this machine, measured, times an assumed {_WATTS} W. Its idle power, packing for USB, and a camera "
+    "are in no figure."
+)
 
 
 def figures_of(metrics: Metrics | None) -> tuple[str, ...]:
@@ -307,3 +343,24 @@ def anchors() -> Table:
         rows.append((anchor.name, figure(anchor.microjoules), figure(anchor.milliseconds), task, cited))
     heads = ("published", "uJ", "ms", "task and board", "where")
     return Table(heads, rows, title="published figures, none of them the same task", long=frozenset({3, 4}))
+
+
+def energy(ways: Sequence[AnsweringWay], titles: Sequence[str] | None = None) -> Table:
+    """All the energy of a query, a column for each way; without ways it has no rows, without a board none of boards.
+
+    Args:
+        ways: Every way to answer a query.
+        titles: Their headings; None: by their names.
+    """
+    heads = titles or [_WAYS.get(way.name, title_of(way.name).partition(" (")[0]) for way in ways]
+    rows = [("R@1, percent", *(percent(way.recall) for way in ways))]
+    rows += [(name, *(ranged(of(way)) for way in ways)) for name, of in _ENERGIES if any(of(way) for way in ways)]
+    times = (("processor's time, ms: match or its part", "work"), ("processor's time, ms: encoding", "encoding"))
+    rows += [(text, *(figure(getattr(way, f"{name}_milliseconds")) for way in ways)) for text, name in times]
+    return Table(
+        title="energy of a query, all of it, uJ",
+        columns=("energy, uJ", *heads),
+        rows=tuple(rows) if ways else (),
+        strong=frozenset(k for k, row in enumerate(rows) if row[0] in _SUMS),
+        notes=(_ENERGY_NOTE,),
+    )

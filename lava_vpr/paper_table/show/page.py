@@ -6,7 +6,7 @@ from lava_vpr.experiments.grid import Spread
 from lava_vpr.paper_table.methods import DOI
 from lava_vpr.paper_table.run import DatasetRows, PaperTable
 from lava_vpr.paper_table.show.tables import RULES, tables
-from lava_vpr.show.text import safe
+from lava_vpr.show.templates import safe
 from lava_vpr.studies.show.page import Kind, lines, panels, sheet
 
 TITLE = "The paper's table"

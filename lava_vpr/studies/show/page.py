@@ -13,8 +13,7 @@ from lava_vpr.experiments.task import MODELLED, NETWORK, Costs
 from lava_vpr.matching.evaluation import Recall, titles
 from lava_vpr.show.page import document
 from lava_vpr.show.svg import THEME, Style, canvas, to_svg
-from lava_vpr.show.templates import render, text
-from lava_vpr.show.text import safe
+from lava_vpr.show.templates import render, safe, text
 from lava_vpr.studies.show.values import table
 from lava_vpr.studies.study import Studied
 

@@ -11,9 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from lava_vpr.bench.energy import AnsweringWay, on_board
-from lava_vpr.bench.results import Bench, BoardFigures, Measured, Modelled, OnMap, Peer, StepTimes, SweepPoint, Workload
-from lava_vpr.bench.show.terminal import absences, tables
+from lava_vpr.bench.results import (
+    AnsweringWay,
+    Bench,
+    BoardFigures,
+    Measured,
+    Modelled,
+    OnMap,
+    Peer,
+    StepTimes,
+    SweepPoint,
+    Workload,
+    on_board,
+)
+from lava_vpr.bench.show.sections import absences, tables
 from lava_vpr.cli.common import PlainConsole
 from lava_vpr.deploy.boards.constants import Constant
 from lava_vpr.deploy.boards.estimate import Estimate
