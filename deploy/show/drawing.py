@@ -11,18 +11,15 @@ import textwrap
 from dataclasses import dataclass
 from typing import Any
 
-import matplotlib
-import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.patches import FancyBboxPatch, PathPatch, Rectangle
-from matplotlib.path import Path as Outline
 from matplotlib.textpath import TextPath
 
 from lava_vpr.deploy.boards.plan import CorePlan, Plan, PopulationPart
 from lava_vpr.deploy.show.tables import microseconds, summary
+from lava_vpr.show.svg import canvas, outline, themed
 
 COLOURS = {"exc": "#0067a8", "counters": "#7a5ea8", "inh": "#c24a00", "inputs": "#00805c"}
 """Colours of the populations, as the report's curves have them."""
@@ -94,13 +91,10 @@ class _Mesh:
         return self.rows * (self.cell + 4 if self.tile_cores is None else 2 * self.cell + 12) - 4
 
 
+@themed(_STYLE)
 def draw(plan: Plan) -> bytes:
     """``plan`` as an SVG file, 1200 pixels wide."""
-    # matplotlib makes ids of what numbers print as, which numpy 2 changed.
-    with matplotlib.rc_context(), np.printoptions(legacy="1.21"):
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_STYLE)
-        return _svg(figure_of(plan))
+    return _svg(figure_of(plan))
 
 
 def figure_of(plan: Plan) -> Figure:
@@ -112,8 +106,7 @@ def figure_of(plan: Plan) -> Figure:
     below = head + 64 + meshes[0].height + 30
     wide, high = (WIDTH - 2 * MARGIN - (_CARD_COLUMNS - 1) * GAP) / _CARD_COLUMNS, _card_height(plan, cards)
     height = below + 26 + -(-len(cards) // _CARD_COLUMNS) * (high + GAP) + MARGIN - GAP
-    figure = Figure(figsize=(WIDTH / 72, height / 72), dpi=72, facecolor=_PAPER)
-    FigureCanvasSVG(figure)
+    figure = canvas(WIDTH, height)
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set(xlim=(0, WIDTH), ylim=(height, 0))
     axes.axis("off")
@@ -221,29 +214,12 @@ def _chip(axes: Axes, plan: Plan, chip: int, mesh: _Mesh) -> None:
     _text(axes, mesh.left, mesh.top - 16, name + note, 12.5, weight="bold")
     if mesh.tile_cores is not None:
         tiles = [mesh.tile(tile) for tile in range(mesh.rows * mesh.columns)]
-        axes.add_artist(PathPatch(_outline(tiles), facecolor="none", edgecolor=_LINE, linewidth=0.9))
+        axes.add_artist(PathPatch(outline(tiles), facecolor="none", edgecolor=_LINE, linewidth=0.9))
     idle = [mesh.box(core) for core in range(board.cores) if core not in used]
     if idle:
-        axes.add_artist(PathPatch(_outline(idle), facecolor=_PALE, linewidth=0))
+        axes.add_artist(PathPatch(outline(idle), facecolor=_PALE, linewidth=0))
     for number, core in used.items():
         _core(axes, plan, core, mesh.box(number))
-
-
-def _outline(boxes: list[Box]) -> Outline:
-    """The outlines of all ``boxes`` as one path."""
-    corners = [
-        corner
-        for left, top, width, height in boxes
-        for corner in (
-            (left, top),
-            (left + width, top),
-            (left + width, top + height),
-            (left, top + height),
-            (left, top),
-        )
-    ]
-    codes = [Outline.MOVETO, Outline.LINETO, Outline.LINETO, Outline.LINETO, Outline.CLOSEPOLY] * len(boxes)
-    return Outline(corners, codes)
 
 
 def _core(axes: Axes, plan: Plan, core: CorePlan, box: Box) -> None:

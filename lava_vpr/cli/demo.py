@@ -30,8 +30,9 @@ from lava_vpr.engine.presentations import cores
 from lava_vpr.events.camera import WRITTEN
 from lava_vpr.learning.route import Training
 from lava_vpr.recognition import Comparison, as_json, recognise
-from lava_vpr.report import write_report
 from lava_vpr.report.build import report_data
+from lava_vpr.report.html import page
+from lava_vpr.show.page import write_page
 from lava_vpr.storage.text import shown
 from lava_vpr.synthetic.drives import EventDrive, write_drives
 from lava_vpr.synthetic.world import CONDITIONS, METRES_PER_S, World, write_traverses
@@ -127,7 +128,7 @@ def demo(out: Path) -> None:
     for table in (recall_table(model, result), *trust_tables(result)):
         print_whole(table)
     with stage("writing the report"):
-        page = write_report(report_data(model, queries, result, "lava-vpr demo", 1, None), out / "report")
+        write_page(page(report_data(model, queries, result, "lava-vpr demo", 1, None)), results[-1])
     write_json(out / "figures.json", as_json(model, result))
     model_file.save(model, out / "model.lvpr")  # all three in a moment: see above
-    console.print(f"report to open in a browser: {shown(page)}")
+    console.print(f"report to open in a browser: {shown(results[-1])}")

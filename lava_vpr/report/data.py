@@ -1,35 +1,17 @@
-"""What an evaluation report is made of: plain arrays and texts, checked once, with no way back to files or models."""
+"""What an evaluation report is made of: plain arrays and texts, with no way back to files or models."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.inputs.encoder import ChannelLayout
+from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.trust import Trust
-
-
-class MatcherFigures(Protocol):
-    """One matcher's figures, fractions in 0..1; `matching.evaluation.Metrics` is one. None or NaN: not computable."""
-
-    @property
-    def recall_at_1(self) -> float | None: ...
-    @property
-    def recall_at_n(self) -> Mapping[int, float | None]: ...
-    @property
-    def recall_at_100_precision(self) -> float | None: ...
-    @property
-    def precision_at_100_recall(self) -> float | None: ...
-    @property
-    def auc(self) -> float | None: ...
-    @property
-    def precision(self) -> Any: ...
-    @property
-    def recall(self) -> Any: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +79,7 @@ class ReportData:
         events: Counted events per query, by the names of ``lava-vpr bench``.
         config_toml: The model's configuration.
         seen: What each baseline among `metrics` sees of an image, by its name.
-        place_numbers, query_numbers: Absolute index of each image in its own sequence; empty: counted from 0.
+        place_numbers, query_numbers: Absolute index of each image in its own sequence.
         map: Where they were taken; None if that is not known.
         trust: How far probabilities can be trusted, ``single`` and ``filtered``, as far as there are any.
         followed: Figures of a filter, ``filtered`` and ``forward_backward``; empty if there was none.
@@ -107,13 +89,15 @@ class ReportData:
     command: str
     summary: dict[str, str]
     default_decoder: str
-    metrics: Mapping[str, MatcherFigures]
+    metrics: Mapping[str, Metrics]
     matrices: Mapping[str, NDArray[Any]]
     truth: NDArray[np.bool_]
     matches: NDArray[np.integer[Any]]
     confidence: NDArray[Any]
     place_names: tuple[str, ...]
     query_names: tuple[str, ...]
+    place_numbers: tuple[int, ...]
+    query_numbers: tuple[int, ...]
     place_thumbnails: NDArray[np.uint8]
     query_thumbnails: NDArray[np.uint8]
     input_layout: ChannelLayout
@@ -125,53 +109,6 @@ class ReportData:
     events: Mapping[str, float]
     config_toml: str
     seen: Mapping[str, str] = field(default_factory=dict)
-    place_numbers: tuple[int, ...] = ()
-    query_numbers: tuple[int, ...] = ()
     map: MapData | None = None
     trust: Mapping[str, Trust] = field(default_factory=dict)
-    followed: Mapping[str, MatcherFigures] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        queries, places = len(self.query_names), len(self.place_names)
-        _check("metrics", self.default_decoder in self.metrics, f"must hold {self.default_decoder!r}")
-        _check("truth", self.truth.shape == (queries, places), f"must have shape {(queries, places)}")
-        for name, matrix in self.matrices.items():
-            _check(f"matrices[{name!r}]", matrix.shape == (queries, places), f"must have shape {(queries, places)}")
-        for name, length in (("matches", queries), ("confidence", queries)):
-            _check(name, getattr(self, name).shape == (length,), f"must have shape {(length,)}")
-        for name, numbers, length in (
-            ("place_numbers", self.place_numbers, places),
-            ("query_numbers", self.query_numbers, queries),
-        ):
-            _check(name, len(numbers) in (0, length), f"must hold {length} numbers, or none")
-        if self.map is not None:
-            for name, points, length in (("places", self.map.places, places), ("queries", self.map.queries, queries)):
-                good = points.shape == (length, 2) and bool(np.isfinite(points).all())
-                _check(f"map.{name}", good, f"must be finite, of shape ({length}, 2)")
-        in_range = bool(np.all((self.matches >= -1) & (self.matches < places)))
-        _check("matches", in_range, f"must lie in -1..{places - 1}")
-        for name, images, count in (
-            ("query_thumbnails", self.query_thumbnails, queries),
-            ("place_thumbnails", self.place_thumbnails, places),
-        ):
-            good = images.ndim == 4 and len(images) == count and images.shape[3] == 3 and images.dtype == np.uint8
-            _check(name, good, f"must be uint8 of shape ({count}, h, w, 3)")
-        if self.weights is not None:
-            known = self.drawing == "strokes" or self.input_layout.channels in (1, 2)
-            _check("input_layout", known, "must have one or two channels to be drawn in grey")
-            shape = (self.input_layout.inputs, len(self.neuron_places))
-            _check("weights", self.weights.shape == shape, f"must have shape {shape}")
-
-    def place_number(self, place: int) -> int:
-        """Absolute index of a place."""
-        return self.place_numbers[place] if self.place_numbers else place
-
-    def query_number(self, query: int) -> int:
-        """Absolute index of a query."""
-        return self.query_numbers[query] if self.query_numbers else query
-
-
-def _check(name: str, condition: bool, requirement: str) -> None:
-    """Refuse arrays that do not belong together; a caller's defect, nothing a user can cause."""
-    if not condition:
-        raise ValueError(f"ReportData.{name} {requirement}")
+    followed: Mapping[str, Metrics] = field(default_factory=dict)

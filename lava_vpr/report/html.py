@@ -107,8 +107,8 @@ def _payload(data: ReportData, sheets: dict[str, Any]) -> str:
     correct = sections.correct_queries(data)
     wrong = np.flatnonzero(~correct)
     content = {
-        "queries": [f"{data.query_number(k)} · {plain(n)}" for k, n in enumerate(data.query_names)],
-        "places": [f"{data.place_number(k)} · {plain(n)}" for k, n in enumerate(data.place_names)],
+        "queries": [f"{data.query_numbers[k]} · {plain(n)}" for k, n in enumerate(data.query_names)],
+        "places": [f"{data.place_numbers[k]} · {plain(n)}" for k, n in enumerate(data.place_names)],
         "match": [int(m) for m in data.matches],
         "truth": [sections.true_place(data, q) for q in range(len(data.query_names))],
         "right": [bool(r) for r in correct],

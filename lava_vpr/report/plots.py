@@ -14,8 +14,9 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
-from lava_vpr.report.data import MapData, MatcherFigures, Raster
-from lava_vpr.show.svg import THEME, Style, canvas, to_svg
+from lava_vpr.matching.evaluation import Metrics
+from lava_vpr.report.data import MapData, Raster
+from lava_vpr.show.svg import THEME, canvas, gridded, outline, themed, to_svg
 
 LARGEST_MATRIX = 360
 """Matrices with more rows or columns than this are pooled before they are drawn."""
@@ -31,33 +32,32 @@ def series_style(index: int, default: bool, baseline: bool) -> tuple[str, str]:
     return ("c0" if default else f"c{1 + index % 7}"), ("5 3" if baseline else "")
 
 
-def precision_recall(metrics: Mapping[str, MatcherFigures], default: str, baselines: Sequence[str], label: str) -> str:
+@themed()
+def precision_recall(metrics: Mapping[str, Metrics], default: str, baselines: Sequence[str], label: str) -> str:
     """All precision-recall curves; curve ``k`` of ``metrics`` has the id ``pr-k``.
 
     Every exact point is marked (queries of equal confidence form one), unless there are too many to tell apart.
     """
-    with Style():
-        figure = canvas(470, 385)
-        axes = figure.add_axes((0.1, 0.11, 0.885, 0.865))
-        axes.grid(color=THEME["line"], linewidth=0.6, alpha=0.6)
-        axes.set(xlim=(0, 1.012), ylim=(0, 1.03), xlabel="recall", ylabel="precision")
-        for k, (name, figures) in enumerate(metrics.items()):
-            colour, dash = series_style(k, name == default, name in baselines)
-            recall, precision = np.asarray(figures.recall, float), np.asarray(figures.precision, float)
-            axes.plot(
-                recall,
-                precision,
-                gid=str(k),
-                color=THEME[colour],
-                linewidth=2.4 if name == default else 1.4,
-                linestyle=(0, tuple(float(d) / 1.2 for d in dash.split())) if dash else "-",
-                marker=_MARKERS[k % len(_MARKERS)] if len(recall) <= 250 else None,
-                markersize=3.2 if name == default else 2.4,
-                markeredgewidth=0,
-                zorder=4 if name == default else 3,
-                clip_on=False,
-            )
-        return to_svg(figure, "pr", label)
+    figure = canvas(470, 385)
+    axes = gridded(figure, (0.1, 0.11, 0.885, 0.865))
+    axes.set(xlim=(0, 1.012), ylim=(0, 1.03), xlabel="recall", ylabel="precision")
+    for k, (name, figures) in enumerate(metrics.items()):
+        colour, dash = series_style(k, name == default, name in baselines)
+        recall, precision = np.asarray(figures.recall, float), np.asarray(figures.precision, float)
+        axes.plot(
+            recall,
+            precision,
+            gid=str(k),
+            color=THEME[colour],
+            linewidth=2.4 if name == default else 1.4,
+            linestyle=(0, tuple(float(d) / 1.2 for d in dash.split())) if dash else "-",
+            marker=_MARKERS[k % len(_MARKERS)] if len(recall) <= 250 else None,
+            markersize=3.2 if name == default else 2.4,
+            markeredgewidth=0,
+            zorder=4 if name == default else 3,
+            clip_on=False,
+        )
+    return to_svg(figure, "pr", label)
 
 
 def pooled(scores: NDArray[Any], largest: int = LARGEST_MATRIX) -> tuple[NDArray[np.float64], int, int]:
@@ -90,15 +90,13 @@ def scaled(values: NDArray[np.float64], per_query: bool) -> NDArray[np.float64]:
 
 def _truth_outline(truth: NDArray[np.bool_]) -> Outline:
     """The first to the last true place of every query as one outline of closed boxes, x queries, y places."""
-    vertices: list[tuple[float, float]] = []
+    boxes = []
     for query in np.flatnonzero(truth.any(axis=1)):
         places = np.flatnonzero(truth[query])
         breaks = np.flatnonzero(np.diff(places) > 1)
-        for first, last in zip(places[np.r_[0, breaks + 1]], places[np.r_[breaks, len(places) - 1]], strict=True):
-            left, right, top, bottom = query - 0.5, query + 0.5, first - 0.5, last + 0.5
-            vertices += [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)]
-    codes = [Outline.MOVETO, Outline.LINETO, Outline.LINETO, Outline.LINETO, Outline.CLOSEPOLY] * (len(vertices) // 5)
-    return Outline(np.array(vertices).reshape(-1, 2), codes)
+        ends = zip(places[np.r_[0, breaks + 1]], places[np.r_[breaks, len(places) - 1]], strict=True)
+        boxes += [(query - 0.5, first - 0.5, 1, last - first + 1) for first, last in ends]
+    return outline(boxes)
 
 
 def _marks(axes: Axes, queries: NDArray[np.intp], matches: NDArray[Any], right: NDArray[np.bool_]) -> None:
@@ -123,6 +121,7 @@ def _marks(axes: Axes, queries: NDArray[np.intp], matches: NDArray[Any], right: 
         )
 
 
+@themed()
 def score_matrix(
     scores: NDArray[Any], truth: NDArray[np.bool_], matches: NDArray[Any], prefix: str, label: str
 ) -> tuple[str, int]:
@@ -139,25 +138,24 @@ def score_matrix(
     queries, places = scores.shape
     values, rows, columns = pooled(scores)
     extent = (-0.5, queries - 0.5, places - 0.5, -0.5)
-    with Style():
-        figure = canvas(330, 330)
-        left, top, width, height = MATRIX_BOX
-        axes = figure.add_axes((left, 1 - top - height, width, height))
-        colours = matplotlib.colormaps["viridis"].with_extremes(bad="#888888")
-        for name, per_query in (("whole", False), ("query", True)):
-            image = np.ma.masked_invalid(scaled(values, per_query).T)
-            axes.imshow(image, colours, aspect="auto", vmin=0, vmax=1, interpolation="none", extent=extent, gid=name)
-        if queries and truth.any():
-            axes.add_patch(
-                PathPatch(
-                    _truth_outline(truth), facecolor="none", edgecolor="#ffffff", alpha=0.6, linewidth=0.5, gid="truth"
-                )
+    figure = canvas(330, 330)
+    left, top, width, height = MATRIX_BOX
+    axes = figure.add_axes((left, 1 - top - height, width, height))
+    colours = matplotlib.colormaps["viridis"].with_extremes(bad="#888888")
+    for name, per_query in (("whole", False), ("query", True)):
+        image = np.ma.masked_invalid(scaled(values, per_query).T)
+        axes.imshow(image, colours, aspect="auto", vmin=0, vmax=1, interpolation="none", extent=extent, gid=name)
+    if queries and truth.any():
+        axes.add_patch(
+            PathPatch(
+                _truth_outline(truth), facecolor="none", edgecolor="#ffffff", alpha=0.6, linewidth=0.5, gid="truth"
             )
-        known = np.flatnonzero(matches >= 0)
-        _marks(axes, known, matches[known], truth[known, matches[known]])
-        axes.set(xlim=extent[:2], ylim=extent[2:], xlabel="query", ylabel="place")
-        axes.locator_params(nbins=5, integer=True)
-        return to_svg(figure, prefix, label), max(rows, columns)
+        )
+    known = np.flatnonzero(matches >= 0)
+    _marks(axes, known, matches[known], truth[known, matches[known]])
+    axes.set(xlim=extent[:2], ylim=extent[2:], xlabel="query", ylabel="place")
+    axes.locator_params(nbins=5, integer=True)
+    return to_svg(figure, prefix, label), max(rows, columns)
 
 
 def _ticks(axes: Axes, steps: NDArray[Any], rows: NDArray[Any], half: float, colour: str, width: float) -> None:
@@ -172,6 +170,7 @@ def _ticks(axes: Axes, steps: NDArray[Any], rows: NDArray[Any], half: float, col
     axes.add_patch(PathPatch(outline, facecolor="none", edgecolor=THEME[colour], linewidth=width, capstyle="butt"))
 
 
+@themed()
 def spike_raster(
     raster: Raster, groups: Mapping[str, NDArray[np.intp]], order: NDArray[np.intp], label: str, prefix: str
 ) -> str:
@@ -186,33 +185,32 @@ def spike_raster(
     rows[order] = np.arange(raster.neurons)
     steps, neurons = np.asarray(raster.spike_steps), np.asarray(raster.spike_neurons)
     counts = np.bincount(neurons, minlength=raster.neurons)
-    with Style():
-        figure = canvas(470, 240)
-        axes = figure.add_axes((0.1, 0.17, 0.705, 0.8))
-        bars = figure.add_axes((0.825, 0.17, 0.155, 0.8), sharey=axes)
-        # A tick is at least three pixels tall, however many neurons share the height.
-        half = max(0.5, 1.7 * raster.neurons / 190)
-        colours = np.full(raster.neurons, "muted", dtype=object)
-        for colour, members in groups.items():
-            colours[members] = colour
-            for row in rows[members]:
-                axes.axhspan(row - half, row + half, color=THEME[colour], alpha=0.13, linewidth=0)
-        for colour in dict.fromkeys(("muted", *groups)):
-            chosen = colours[neurons] == colour
-            _ticks(axes, steps[chosen], rows[neurons[chosen]], half, colour, 1.0 if colour == "muted" else 1.7)
-            shown = np.flatnonzero((colours == colour) & (counts > 0))
-            bars.barh(rows[shown], counts[shown], height=2 * half, color=THEME[colour], linewidth=0)
-        axes.set(
-            xlim=(-0.5, raster.steps - 0.5),
-            ylim=(raster.neurons - 0.5, -0.5),
-            xlabel="step",
-            ylabel="neuron, in route order",
-        )
-        axes.locator_params(nbins=5, integer=True)
-        bars.set(xlim=(0, max(1, int(counts.max(initial=0))) * 1.05), xlabel="spikes")
-        bars.locator_params(axis="x", nbins=2, integer=True)
-        bars.tick_params(axis="y", left=False, labelleft=False)
-        return to_svg(figure, prefix, label)
+    figure = canvas(470, 240)
+    axes = figure.add_axes((0.1, 0.17, 0.705, 0.8))
+    bars = figure.add_axes((0.825, 0.17, 0.155, 0.8), sharey=axes)
+    # A tick is at least three pixels tall, however many neurons share the height.
+    half = max(0.5, 1.7 * raster.neurons / 190)
+    colours = np.full(raster.neurons, "muted", dtype=object)
+    for colour, members in groups.items():
+        colours[members] = colour
+        for row in rows[members]:
+            axes.axhspan(row - half, row + half, color=THEME[colour], alpha=0.13, linewidth=0)
+    for colour in dict.fromkeys(("muted", *groups)):
+        chosen = colours[neurons] == colour
+        _ticks(axes, steps[chosen], rows[neurons[chosen]], half, colour, 1.0 if colour == "muted" else 1.7)
+        shown = np.flatnonzero((colours == colour) & (counts > 0))
+        bars.barh(rows[shown], counts[shown], height=2 * half, color=THEME[colour], linewidth=0)
+    axes.set(
+        xlim=(-0.5, raster.steps - 0.5),
+        ylim=(raster.neurons - 0.5, -0.5),
+        xlabel="step",
+        ylabel="neuron, in route order",
+    )
+    axes.locator_params(nbins=5, integer=True)
+    bars.set(xlim=(0, max(1, int(counts.max(initial=0))) * 1.05), xlabel="spikes")
+    bars.locator_params(axis="x", nbins=2, integer=True)
+    bars.tick_params(axis="y", left=False, labelleft=False)
+    return to_svg(figure, prefix, label)
 
 
 _WIDTH, _LEAST, _MOST = 860.0, 300.0, 640.0
@@ -264,6 +262,7 @@ def _queries(axes: Axes, data: MapData, matches: NDArray[np.integer[Any]], corre
         )
 
 
+@themed()
 def route_map(data: MapData, matches: NDArray[np.integer[Any]], correct: NDArray[np.bool_], label: str) -> str:
     """The map as SVG, north or y upwards, both axes in metres to one scale.
 
@@ -277,15 +276,12 @@ def route_map(data: MapData, matches: NDArray[np.integer[Any]], correct: NDArray
     tall = float(np.clip(_WIDTH * (high - low)[1] / (high - low)[0], _LEAST, _MOST))
     box = np.array([0.925 * _WIDTH, tall - _ABOVE_BELOW])
     middle, half = (low + high) / 2, box / 2 * ((high - low) / box).max()  # one scale for both axes
-    with Style():
-        figure = canvas(_WIDTH, tall)
-        axes = figure.add_axes((0.065, 42 / tall, 0.925, box[1] / tall))
-        axes.grid(color=THEME["line"], linewidth=0.6, alpha=0.6)
-        axes.set_axisbelow(True)
-        _route(axes, data.places)
-        _queries(axes, data, matches, correct)
-        (left, bottom), (right, top) = (middle - half).tolist(), (middle + half).tolist()
-        axes.set(xlim=(left, right), ylim=(bottom, top), xlabel="east, or x (m)", ylabel="north, or y (m)")
-        axes.locator_params(nbins=7)
-        axes.ticklabel_format(useOffset=False, style="plain")
-        return to_svg(figure, "map", label)
+    figure = canvas(_WIDTH, tall)
+    axes = gridded(figure, (0.065, 42 / tall, 0.925, box[1] / tall))
+    _route(axes, data.places)
+    _queries(axes, data, matches, correct)
+    (left, bottom), (right, top) = (middle - half).tolist(), (middle + half).tolist()
+    axes.set(xlim=(left, right), ylim=(bottom, top), xlabel="east, or x (m)", ylabel="north, or y (m)")
+    axes.locator_params(nbins=7)
+    axes.ticklabel_format(useOffset=False, style="plain")
+    return to_svg(figure, "map", label)

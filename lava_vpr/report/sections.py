@@ -36,7 +36,7 @@ def correct_queries(data: ReportData) -> NDArray[np.bool_]:
 
 def _place(data: ReportData, place: int) -> str:
     """A place's number and name."""
-    return f"{data.place_number(place)} · {safe(data.place_names[place])}" if place >= 0 else "none"
+    return f"{data.place_numbers[place]} · {safe(data.place_names[place])}" if place >= 0 else "none"
 
 
 def _image(images: NDArray[np.uint8], index: int, alt: str) -> str:
@@ -49,8 +49,8 @@ def _image(images: NDArray[np.uint8], index: int, alt: str) -> str:
 def _query_figure(data: ReportData, query: int) -> str:
     """A query's image above its number and name."""
     name = safe(data.query_names[query])
-    image = _image(data.query_thumbnails, query, f"Query {data.query_number(query)}, {name}")
-    return f"<figure>{image}<figcaption>Query<br>{data.query_number(query)} · {name}</figcaption></figure>"
+    image = _image(data.query_thumbnails, query, f"Query {data.query_numbers[query]}, {name}")
+    return f"<figure>{image}<figcaption>Query<br>{data.query_numbers[query]} · {name}</figcaption></figure>"
 
 
 def _place_figure(data: ReportData, place: int, role: str) -> str:
@@ -201,7 +201,7 @@ def receptive_fields(data: ReportData) -> str:
         tiles.append(
             f'<figure class="field"><div class="pair">{reference}'
             f'<div class="drawn" style="aspect-ratio:{width}/{height}">{drawn}</div></div>'
-            f"<figcaption>neuron {neuron}, place {data.place_number(place)}<br>"
+            f"<figcaption>neuron {neuron}, place {data.place_numbers[place]}<br>"
             f"{safe(data.place_names[place])}</figcaption></figure>"
         )
     # Opaque images would only hide the place.

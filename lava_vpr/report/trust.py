@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.trust import Threshold, Trust
-from lava_vpr.report.data import MatcherFigures
 from lava_vpr.show.numbers import fraction, is_number
-from lava_vpr.show.svg import THEME, Style, canvas, to_svg
+from lava_vpr.show.svg import THEME, canvas, gridded, themed, to_svg
 from lava_vpr.show.templates import render, safe
 
 _WAYS = {"single": ("each image alone", "c0", "o"), "filtered": ("filtered", "c3", "D")}
@@ -16,24 +16,23 @@ _HEADS = ("", "target precision", "least probability", "accepted", "precision", 
 _FOLLOWED = {"filtered": "filtered", "forward_backward": "forward-backward"}
 
 
+@themed()
 def reliability(trust: Mapping[str, Trust], label: str) -> str:
     """Share of the answers that were right over their probability; dots are as large as their bins are full."""
-    with Style():
-        figure = canvas(470, 385)
-        axes = figure.add_axes((0.1, 0.11, 0.885, 0.865))
-        axes.grid(color=THEME["line"], linewidth=0.6, alpha=0.6)
-        axes.plot([0, 1], [0, 1], color=THEME["muted"], linewidth=1.0, linestyle=(0, (4, 3)), zorder=1)
-        for name, found in trust.items():
-            _, colour, marker = _WAYS[name]
-            total = sum(bin_.answers for bin_ in found.bins)
-            points = [(bin_.probability, bin_.right) for bin_ in found.bins]
-            axes.plot(*zip(*points, strict=True), gid=name, color=THEME[colour], linewidth=1.4, zorder=2)
-            for bin_ in found.bins:
-                size = 3.0 + 9.0 * (bin_.answers / total) ** 0.5
-                style = {"color": THEME[colour], "markersize": size, "markeredgewidth": 0}
-                axes.plot(bin_.probability, bin_.right, marker, zorder=3, clip_on=False, **style)
-        axes.set(xlim=(0, 1.012), ylim=(0, 1.03), xlabel="probability", ylabel="share of the answers that were right")
-        return to_svg(figure, "reliability", label)
+    figure = canvas(470, 385)
+    axes = gridded(figure, (0.1, 0.11, 0.885, 0.865))
+    axes.plot([0, 1], [0, 1], color=THEME["muted"], linewidth=1.0, linestyle=(0, (4, 3)), zorder=0)
+    for name, found in trust.items():
+        _, colour, marker = _WAYS[name]
+        total = sum(bin_.answers for bin_ in found.bins)
+        points = [(bin_.probability, bin_.right) for bin_ in found.bins]
+        axes.plot(*zip(*points, strict=True), gid=name, color=THEME[colour], linewidth=1.4, zorder=2)
+        for bin_ in found.bins:
+            size = 3.0 + 9.0 * (bin_.answers / total) ** 0.5
+            style = {"color": THEME[colour], "markersize": size, "markeredgewidth": 0}
+            axes.plot(bin_.probability, bin_.right, marker, zorder=3, clip_on=False, **style)
+    axes.set(xlim=(0, 1.012), ylim=(0, 1.03), xlabel="probability", ylabel="share of the answers that were right")
+    return to_svg(figure, "reliability", label)
 
 
 def _row(title: str, row: Threshold) -> str:
@@ -42,7 +41,7 @@ def _row(title: str, row: Threshold) -> str:
     return f'<tr><th scope="row">{title}</th>{"".join(f"<td>{cell}</td>" for cell in cells)}</tr>'
 
 
-def _followed(followed: Mapping[str, MatcherFigures]) -> str:
+def _followed(followed: Mapping[str, Metrics]) -> str:
     """Recall of the filter, in a sentence."""
     if not followed:
         return ""
@@ -50,7 +49,7 @@ def _followed(followed: Mapping[str, MatcherFigures]) -> str:
     return f"R@1 of queries in driving order: {'; '.join(parts)}; filtered looks back, forward-backward also ahead."
 
 
-def section(trust: Mapping[str, Trust], followed: Mapping[str, MatcherFigures]) -> str:
+def section(trust: Mapping[str, Trust], followed: Mapping[str, Metrics]) -> str:
     """The section, if there are probabilities.
 
     Args:

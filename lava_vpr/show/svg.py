@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import io
 import re
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Literal
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.path import Path as Outline
 
 # matplotlib needs real colours: each of these stands for the CSS variable of its name until the text is written.
 _VARIABLES = ("ink", "muted", "line", "panel", "right", "wrong", *(f"c{i}" for i in range(8)))
@@ -46,8 +50,7 @@ _STYLE = {
 def to_svg(figure: Figure, prefix: str, label: str) -> str:
     """``figure`` as an ``<svg>`` element for use inside a page; ``prefix`` keeps its ids apart from other drawings'."""
     text = io.StringIO()
-    with np.printoptions(legacy="1.21"):  # matplotlib makes ids of what numbers print as, which numpy 2 changed
-        figure.savefig(text, format="svg", metadata={"Date": None})
+    figure.savefig(text, format="svg", metadata={"Date": None})
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :].strip()
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
@@ -71,14 +74,36 @@ def canvas(width: float, height: float) -> Figure:
     return figure
 
 
-class Style:
-    """The report's settings for the length of a ``with`` block, whatever the user's matplotlibrc says."""
+def gridded(figure: Figure, box: tuple[float, float, float, float], axis: Literal["x", "y", "both"] = "both") -> Axes:
+    """Axes at ``box`` (left, bottom, width and height, as shares) with faint lines at their ticks, below all else."""
+    axes = figure.add_axes(box)
+    axes.grid(axis=axis, color=THEME["line"], linewidth=0.6, alpha=0.6)
+    axes.set_axisbelow(True)
+    return axes
 
-    def __enter__(self) -> None:
-        self._context = matplotlib.rc_context()
-        self._context.__enter__()
+
+def outline(boxes: Iterable[tuple[float, float, float, float]]) -> Outline:
+    """The outlines of all ``boxes`` (left, top, width and height) as one path."""
+    corners = [
+        corner
+        for left, top, width, height in boxes
+        for corner in (
+            (left, top),
+            (left + width, top),
+            (left + width, top + height),
+            (left, top + height),
+            (left, top),
+        )
+    ]
+    codes = [Outline.MOVETO, Outline.LINETO, Outline.LINETO, Outline.LINETO, Outline.CLOSEPOLY] * (len(corners) // 5)
+    return Outline(np.array(corners).reshape(-1, 2), codes)
+
+
+@contextmanager
+def themed(settings: Mapping[str, Any] = _STYLE) -> Iterator[None]:
+    """Draw with ``settings``, whatever the user's matplotlibrc says: in a ``with`` block, or a decorated function."""
+    # matplotlib makes ids of what numbers print as, which numpy 2 changed.
+    with matplotlib.rc_context(), np.printoptions(legacy="1.21"):
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_STYLE)
-
-    def __exit__(self, *error: Any) -> None:
-        self._context.__exit__(*error)
+        matplotlib.rcParams.update(settings)
+        yield

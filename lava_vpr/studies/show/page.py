@@ -12,7 +12,7 @@ from lava_vpr.experiments.grid import Row, Spread
 from lava_vpr.experiments.task import MODELLED, NETWORK, Costs
 from lava_vpr.matching.evaluation import Recall, titles
 from lava_vpr.show.page import document
-from lava_vpr.show.svg import THEME, Style, canvas, to_svg
+from lava_vpr.show.svg import THEME, canvas, gridded, themed, to_svg
 from lava_vpr.show.templates import render, safe, text
 from lava_vpr.studies.show.values import table
 from lava_vpr.studies.study import Studied
@@ -55,59 +55,56 @@ def _in_percent(axis: Axis) -> None:
     axis.set_ticks([tick for tick in axis.get_ticklocs() if low <= tick <= 100.0])
 
 
+@themed()
 def curve(rows: Sequence[Row], axis: str, label: str) -> str:
     """Recall along an axis: means joined, bars from the least to the most seed; cosine dashed."""
     rows = [row for row in rows if row.value is not None]
     xs = [float(row.value or 0) for row in rows]
-    with Style():
-        figure = canvas(WIDTH, 300)
-        axes = figure.add_axes((0.1, 0.16, 0.88, 0.72))
-        axes.grid(axis="y", color=THEME["line"], linewidth=0.6, alpha=0.6)
-        axes.set_axisbelow(True)
-        axes.set(xscale="log")
-        entries = []
-        for key, text, colour, marker in KINDS:
-            means = [_mean(row, key) for row in rows]
-            axes.plot(xs, means, color=THEME[colour], marker=marker, markersize=5)
-            for x, row in zip(xs, rows, strict=True):
-                axes.plot([x, x], _extent(row.figures[NETWORK][key]), color=THEME[colour], linewidth=3, alpha=0.45)
-            entries.append((text, colour, marker, "-"))
-        beside = [
-            (x, _mean(row, "recall_at_1", "cosine")) for x, row in zip(xs, rows, strict=True) if "cosine" in row.figures
-        ]
-        if beside:
-            axes.plot(*zip(*beside, strict=True), color=THEME["c6"], linestyle="--")
-            entries.append(("cosine, R@1", "c6", "", "--"))
-        axes.xaxis.set_major_locator(FixedLocator(xs))
-        axes.xaxis.set_minor_locator(NullLocator())
-        axes.xaxis.set_minor_formatter(NullFormatter())
-        axes.set_xticklabels([row.label for row in rows])
-        _in_percent(axes.yaxis)
-        axes.set(xlabel=axis, ylabel="percent")
-        _legend(axes, entries)
-        return to_svg(figure, "curve", label)
+    figure = canvas(WIDTH, 300)
+    axes = gridded(figure, (0.1, 0.16, 0.88, 0.72), "y")
+    axes.set(xscale="log")
+    entries = []
+    for key, name, colour, marker in KINDS:
+        means = [_mean(row, key) for row in rows]
+        axes.plot(xs, means, color=THEME[colour], marker=marker, markersize=5)
+        for x, row in zip(xs, rows, strict=True):
+            axes.plot([x, x], _extent(row.figures[NETWORK][key]), color=THEME[colour], linewidth=3, alpha=0.45)
+        entries.append((name, colour, marker, "-"))
+    beside = [
+        (x, _mean(row, "recall_at_1", "cosine")) for x, row in zip(xs, rows, strict=True) if "cosine" in row.figures
+    ]
+    if beside:
+        axes.plot(*zip(*beside, strict=True), color=THEME["c6"], linestyle="--")
+        entries.append(("cosine, R@1", "c6", "", "--"))
+    axes.xaxis.set_major_locator(FixedLocator(xs))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_xticklabels([row.label for row in rows])
+    _in_percent(axes.yaxis)
+    axes.set(xlabel=axis, ylabel="percent")
+    _legend(axes, entries)
+    return to_svg(figure, "curve", label)
 
 
+@themed()
 def costs(rows: Sequence[Row], axis: str, label: str) -> str:
     """R@1 against modelled energy and time, points named by their value."""
     rows = [row for row in rows if MODELLED in row.figures]
-    with Style():
-        figure = canvas(WIDTH, 270)
-        for k, (name, what) in enumerate(zip(Costs._fields, ("energy, µJ", "time, ms"), strict=True)):
-            axes = figure.add_axes((0.1 + 0.46 * k, 0.18, 0.42, 0.74))
-            axes.grid(color=THEME["line"], linewidth=0.6, alpha=0.6)
-            axes.set_axisbelow(True)
-            points = [(row.figures[MODELLED][name].mean, _mean(row, "recall_at_1"), row.label) for row in rows]
-            axes.plot([x for x, _, _ in points], [y for _, y, _ in points], color=THEME["c0"], marker="o", markersize=5)
-            for number, (x, y, point) in enumerate(points):
-                place = (4, 6 if number % 2 else -12)  # neighbours above and below
-                axes.annotate(point, (x, y), xytext=place, textcoords="offset points", fontsize=9)
-            axes.set(xlabel=f"modelled {what}", ylabel="R@1, %" if k == 0 else "")
-            axes.margins(0.12)
-            _in_percent(axes.yaxis)
-        return to_svg(figure, "costs", label)
+    figure = canvas(WIDTH, 270)
+    for k, (name, what) in enumerate(zip(Costs._fields, ("energy, µJ", "time, ms"), strict=True)):
+        axes = gridded(figure, (0.1 + 0.46 * k, 0.18, 0.42, 0.74))
+        points = [(row.figures[MODELLED][name].mean, _mean(row, "recall_at_1"), row.label) for row in rows]
+        axes.plot([x for x, _, _ in points], [y for _, y, _ in points], color=THEME["c0"], marker="o", markersize=5)
+        for number, (x, y, point) in enumerate(points):
+            place = (4, 6 if number % 2 else -12)  # neighbours above and below
+            axes.annotate(point, (x, y), xytext=place, textcoords="offset points", fontsize=9)
+        axes.set(xlabel=f"modelled {what}", ylabel="R@1, %" if k == 0 else "")
+        axes.margins(0.12)
+        _in_percent(axes.yaxis)
+    return to_svg(figure, "costs", label)
 
 
+@themed()
 def lines(
     labels: Sequence[str],
     kinds: Sequence[Kind],
@@ -124,30 +121,27 @@ def lines(
         label: The drawing in words.
         name: What keeps it apart from the others of its page.
     """
-    with Style():
-        height = 60 + 30 * len(rows)
-        figure = canvas(WIDTH, height)
-        left = min(0.55, 0.03 + 0.0112 * max(map(len, labels)))
-        axes = figure.add_axes((left, 40 / height, 0.98 - left, 1 - 68 / height))
-        axes.grid(axis="x", color=THEME["line"], linewidth=0.6, alpha=0.6)
-        axes.set_axisbelow(True)
-        for k, row in enumerate(rows):
-            for number, (kind, spread) in enumerate(zip(kinds, row, strict=True)):
-                if spread is None:
-                    continue
-                place, mean = k + 0.22 * (number - (len(kinds) - 1) / 2), 100 * spread.mean
-                values = [100 * value for value in spread.by_seed.values()]
-                axes.plot(values, [place] * len(values), kind[3], color=THEME[kind[2]], markersize=4, alpha=0.45)
-                axes.plot([mean, mean], [place - 0.11, place + 0.11], color=THEME[kind[2]], linewidth=2.4)
-        axes.set(ylim=(len(rows) - 0.5, -0.5), xlabel="percent")
-        _in_percent(axes.xaxis)
-        axes.set_yticks(range(len(rows)), labels)
-        axes.tick_params(axis="y", length=0, labelcolor=THEME["ink"], labelsize=9)
-        top = 1 + 16 / (height - 68)
-        for k, (_, text, colour, marker) in enumerate(kinds):
-            axes.plot(0.3 * k, top, marker, color=THEME[colour], markersize=5, transform=axes.transAxes, clip_on=False)
-            axes.text(0.3 * k + 0.03, top, text, va="center", transform=axes.transAxes)
-        return to_svg(figure, name, label)
+    height = 60 + 30 * len(rows)
+    figure = canvas(WIDTH, height)
+    left = min(0.55, 0.03 + 0.0112 * max(map(len, labels)))
+    axes = gridded(figure, (left, 40 / height, 0.98 - left, 1 - 68 / height), "x")
+    for k, row in enumerate(rows):
+        for number, (kind, spread) in enumerate(zip(kinds, row, strict=True)):
+            if spread is None:
+                continue
+            place, mean = k + 0.22 * (number - (len(kinds) - 1) / 2), 100 * spread.mean
+            values = [100 * value for value in spread.by_seed.values()]
+            axes.plot(values, [place] * len(values), kind[3], color=THEME[kind[2]], markersize=4, alpha=0.45)
+            axes.plot([mean, mean], [place - 0.11, place + 0.11], color=THEME[kind[2]], linewidth=2.4)
+    axes.set(ylim=(len(rows) - 0.5, -0.5), xlabel="percent")
+    _in_percent(axes.xaxis)
+    axes.set_yticks(range(len(rows)), labels)
+    axes.tick_params(axis="y", length=0, labelcolor=THEME["ink"], labelsize=9)
+    top = 1 + 16 / (height - 68)
+    for k, (_, words, colour, marker) in enumerate(kinds):
+        axes.plot(0.3 * k, top, marker, color=THEME[colour], markersize=5, transform=axes.transAxes, clip_on=False)
+        axes.text(0.3 * k + 0.03, top, words, va="center", transform=axes.transAxes)
+    return to_svg(figure, name, label)
 
 
 def _drawings(found: Studied) -> str:
