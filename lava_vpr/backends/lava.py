@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -119,15 +118,6 @@ class LavaBackend:
         )
         events = conductance.named_events(results["events"], len(network.theta_mv), len(shown.rates), constants)
         return results["counts"].astype(np.int32), events
-
-
-def maker(name: str, job: str, *, tag: str = "fixed_pt", board: bool = False) -> Callable[..., LavaBackend]:
-    """What makes the backend called ``name`` from a number of threads, which Lava has no use for, and an `Advance`."""
-
-    def make(threads: int, advance: Advance | None) -> LavaBackend:
-        return LavaBackend(name, job, tag, board, advance)
-
-    return make
 
 
 def lava_missing() -> str | None:

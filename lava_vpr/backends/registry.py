@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Advance, Backend, BackendRow
-from lava_vpr.backends.lava import lava_missing, loihi2_missing, maker
+from lava_vpr.backends.lava import LavaBackend, lava_missing, loihi2_missing
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.model import Model, integer_model
@@ -41,7 +41,7 @@ def _kapoho_bay_missing() -> str | None:
     return kapoho_bay_available()
 
 
-BACKENDS.register(
+for _row in (
     BackendRow(
         "host",
         "compiled engine on this machine's processor, bit-exact integers",
@@ -52,54 +52,44 @@ BACKENDS.register(
         timing="compiled",
         default=True,
         together=256,
-    )
-)
-BACKENDS.register(
+    ),
     BackendRow(
         "lava-fixed",
         "Lava Processes in Loihi's integers, Loihi 2 simulation configuration",
-        make=maker("lava-fixed", "composed"),
+        make=lambda _, advance: LavaBackend("lava-fixed", "composed", advance=advance),
         unavailable=lava_missing,
         timing="lava",
         default=True,
         limit=16,
-    )
-)
-BACKENDS.register(
+    ),
     BackendRow(
         "lava-float",
         "the same Processes in floating point; preset paper, too",
-        make=maker("lava-float", "composed", tag="floating_pt"),
+        make=lambda _, advance: LavaBackend("lava-float", "composed", "floating_pt", advance=advance),
         unavailable=lava_missing,
         exact=False,
         float_model=True,
         timing="lava",
         limit=16,
-    )
-)
-BACKENDS.register(
+    ),
     BackendRow(
         "lava-fused",
         "one Lava Process that calls the host's own kernel, a presentation of many queries a step",
         hosts_kernel=True,
-        make=maker("lava-fused", "fused"),
+        make=lambda _, advance: LavaBackend("lava-fused", "fused", advance=advance),
         unavailable=lava_missing,
         timing="lava",
         default=True,
         batch=2560,
-    )
-)
-BACKENDS.register(
+    ),
     BackendRow(
         "lava-library",
         "wired from Lava's own LIF, Dense and Sparse alone: what Intel's compiler can place",
-        make=maker("lava-library", "library"),
+        make=lambda _, advance: LavaBackend("lava-library", "library", advance=advance),
         unavailable=lava_missing,
         timing="lava",
         limit=16,
-    )
-)
-BACKENDS.register(
+    ),
     BackendRow(
         "bundle",
         "registers and memory of a deployed bundle, simulated (a model is deployed for Kapoho Bay first)",
@@ -108,19 +98,15 @@ BACKENDS.register(
         timing="compiled",
         default=True,
         limit=100,
-    )
-)
-BACKENDS.register(
+    ),
     BackendRow(
         "loihi2",
         "the library's network on a Loihi 2 board",
-        make=maker("loihi2", "library", board=True),
+        make=lambda _, advance: LavaBackend("loihi2", "library", board=True, advance=advance),
         unavailable=loihi2_missing,
         board="loihi2",
         timing="board",
-    )
-)
-BACKENDS.register(
+    ),
     BackendRow(
         "kapoho-bay",
         "a bundle on Kapoho Bay, by Intel's NxSDK",
@@ -129,8 +115,9 @@ BACKENDS.register(
         counts_only=True,
         board="kapoho-bay",
         timing="board",
-    )
-)
+    ),
+):
+    BACKENDS.register(_row)
 
 
 def require(name: str, model: Model | None = None) -> None:
@@ -149,25 +136,14 @@ def require(name: str, model: Model | None = None) -> None:
     if not row.float_model:
         integer_model(model, name)
     if row.board is not None and model.bundle is not None:
-        _refuse_other_board(row.board, model)
+        from lava_vpr.deploy.bundle import folder
 
-
-def _refuse_other_board(board: str, model: Model) -> None:
-    """Refuse a model that was read from a bundle for another board than ``board``.
-
-    Raises:
-        BackendUnavailableError: it is for another.
-    """
-    from lava_vpr.deploy.bundle import folder
-
-    if model.bundle is None:
-        return
-    target = folder.load(model.bundle).target
-    if target != board:
-        raise BackendUnavailableError(
-            f"{model.bundle}: is a bundle for {target}, which {board} cannot run; deploy the model with "
-            f"--target {board}"
-        )
+        target = folder.load(model.bundle).target
+        if target != row.board:
+            raise BackendUnavailableError(
+                f"{model.bundle}: is a bundle for {target}, which {row.board} cannot run; deploy the model with "
+                f"--target {row.board}"
+            )
 
 
 def get(name: str, threads: int = 1, advance: Advance | None = None) -> Backend:

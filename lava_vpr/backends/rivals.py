@@ -10,7 +10,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial, reduce
 from operator import or_
@@ -40,14 +40,21 @@ BASELINES = {
     "standardised": "the vectors, standardised on the references",
 }
 """What each baseline sees of an image, by its name."""
-_OF_VECTORS = ("vectors", "standardised")
+_COMPARED = {
+    "sad": ("SAD", Keep.PATCHES),
+    "hog": ("HOG", Keep.HOG),
+    "vectors": ("vectors", Keep.VECTORS),
+    "standardised": ("standardised", Keep.VECTORS),
+}
+"""What a message calls each baseline that compares more of the images than their activity, and what that is."""
 
 
 def strange(model: Model) -> dict[str, str]:
     """Why baselines of vectors have no place beside ``model``, by the names of those that have none."""
     row = INPUTS[model.config.encoder.kind]
     if row.sees != "vector":
-        return {name: "the model learned images; it compares vectors" for name in _OF_VECTORS}
+        vectors = [name for name in BASELINES if kept_for((name,)) == Keep.VECTORS]
+        return dict.fromkeys(vectors, "the model learned images; it compares vectors")
     return {} if row.standardised else {"standardised": f"inputs {row.name!r} take vectors as they are"}
 
 
@@ -84,22 +91,16 @@ def chosen(model: Model, wanted: Sequence[str] | None) -> tuple[str, ...]:
 
 def kept_for(names: Sequence[str]) -> Keep:
     """What the baselines ``names`` need of query images beside their activity."""
-    needs = {"sad": Keep.PATCHES, "hog": Keep.HOG, "vectors": Keep.VECTORS, "standardised": Keep.VECTORS}
-    return reduce(or_, (needs.get(name, Keep.NOTHING) for name in names), Keep.NOTHING)
+    return reduce(or_, (_COMPARED[name][1] for name in names if name in _COMPARED), Keep.NOTHING)
 
 
-def compared_vectors(
-    model: Model, queries: EncodedTraverse, name: str
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """What the baseline ``name`` of vectors compares: that of the queries (n, values), and of the references."""
-    pair = queries.kept(Keep.VECTORS, name), np.asarray(model.vectors, np.float32)
-    if name == "vectors" or model.standard is None:
+def compared(model: Model, queries: EncodedTraverse, name: str) -> tuple[NDArray[Any], NDArray[Any]]:
+    """What the baseline ``name`` compares of images or vectors: that of the queries, and of the references."""
+    called, kept = _COMPARED[name]
+    pair = queries.kept(kept, called), np.asarray(getattr(model, str(kept.name).lower()))
+    if name != "standardised" or model.standard is None:
         return pair
     return model.standard.standardised(pair[0]), model.standard.standardised(pair[1])
-
-
-Similar = Callable[[NDArray[Any]], NDArray[np.float64]]
-"""A function from what a baseline sees of n images to scores (n, places)."""
 
 
 class Scored(NamedTuple):
@@ -162,7 +163,7 @@ class Rivals:
                 yield Scored(name, decoder, decoded(self.template, self._of_template(self.shown), decoder))
             else:
                 seen, references = self._seen(name)
-                of = partial(_of_rows, partial(self._similar, name, references), seen)
+                of = partial(self._similar, name, references, seen)
                 yield Scored(name, name, InBlocks(len(seen), self.model.places, of))
 
     def adapted(self, tau: float) -> Iterator[Scored]:
@@ -186,22 +187,15 @@ class Rivals:
         return summed(counts, self.asking.views)
 
     def _seen(self, name: str) -> tuple[NDArray[Any], NDArray[Any]]:
-        """What a baseline that compares images or vectors sees of the queries and of the references, an item each."""
-        if name == "sad":
-            return self.queries.kept(Keep.PATCHES, "SAD"), np.asarray(self.model.patches)
-        if name == "hog":
-            return self.queries.kept(Keep.HOG, "HOG"), np.asarray(self.model.hog)
-        if name in _OF_VECTORS:
-            return compared_vectors(self.model, self.queries, name)
+        """What a baseline but ``template`` sees of the queries and of the references, an item each."""
+        if name in _COMPARED:
+            return compared(self.model, self.queries, name)
         return self._rates, query_rates(self.model.activity, self.model.config)
 
-    def _similar(self, name: str, references: NDArray[Any], seen: NDArray[Any]) -> NDArray[np.float64]:
-        """The scores (n, places) of ``seen``, n items of what the baseline ``name`` compares."""
+    def _similar(
+        self, name: str, references: NDArray[Any], seen: NDArray[Any], rows: slice = slice(None)
+    ) -> NDArray[np.float64]:
+        """The scores (n, places) of ``rows`` of ``seen``, items of what the baseline ``name`` compares."""
         if name == "sad":
-            return -baselines.sad_distances(references, seen, self.model.labels)
-        return baselines.cosine_similarities(references, seen, self.model.labels)
-
-
-def _of_rows(similar: Similar, seen: NDArray[Any], rows: slice) -> NDArray[np.float64]:
-    """The scores of some of the queries."""
-    return similar(seen[rows])
+            return -baselines.sad_distances(references, seen[rows], self.model.labels)
+        return baselines.cosine_similarities(references, seen[rows], self.model.labels)

@@ -108,7 +108,7 @@ def compare(host: Trains, other: Trains, names: Sequence[str]) -> tuple[dict[str
         InputError: the trains are of different shapes, so nothing can be compared.
     """
     compared: dict[str, int] = {}
-    differing, first = 0, None
+    differing, first = 0, []
     for order, population in enumerate(Trains.POPULATIONS):
         ours, theirs = getattr(host, population), getattr(other, population)
         if ours is None or theirs is None:
@@ -120,19 +120,10 @@ def compare(host: Trains, other: Trains, names: Sequence[str]) -> tuple[dict[str
         compared[population] = int(ours.sum(dtype=np.int64))
         where = np.argwhere(ours != theirs)
         differing += len(where)
-        if len(where):
-            query, step, neuron = (int(x) for x in where[0])
-            key = (query, step, order)
-            mismatch = Mismatch(
-                names[query],
-                step,
-                population,
-                neuron,
-                int(ours[query, step, neuron]),
-                int(theirs[query, step, neuron]),
-            )
-            first = min(first, (key, mismatch), key=lambda pair: pair[0]) if first else (key, mismatch)
-    return compared, differing, first[1] if first else None
+        for query, step, neuron in where[:1].tolist():
+            said = (int(each[query, step, neuron]) for each in (ours, theirs))
+            first.append(((query, step, order), Mismatch(names[query], step, population, neuron, *said)))
+    return compared, differing, min(first, key=lambda pair: pair[0])[1] if first else None
 
 
 def recall_at_1(model: Model, counts: NDArray[np.int32], truth: NDArray[np.bool_]) -> float:
@@ -184,18 +175,13 @@ def verify(
     compared = compare(trains, trains, images)[0] if trains else {"exc": int(counts.sum())}
     reference = Verdict("host", None, True, len(queries), compared, recall=recall_at_1(model, counts, truth))
     for name in BACKENDS if names is None else names:
-        if name == "host":
-            verdicts.append(reference)
-            continue
-        reason = BACKENDS[name].unavailable()
-        advance = begin(name) if begin and reason is None else None
-        if reason is None:
-            try:
-                verdicts.append(_verdict(name, model, shown, trains, images, truth, reference, advance))
-                continue
-            except (BackendUnavailableError, ConfigError, NetworkLimitError) as error:
-                reason = str(error)
-        verdicts.append(Verdict(name, reason))
+        try:
+            found = (
+                reference if name == "host" else _verdict(name, model, shown, trains, images, truth, reference, begin)
+            )
+        except (BackendUnavailableError, ConfigError, NetworkLimitError) as error:
+            found = Verdict(name, str(error))
+        verdicts.append(found)
     return verdicts
 
 
@@ -207,29 +193,24 @@ def _verdict(
     images: Sequence[str],
     truth: NDArray[np.bool_],
     reference: Verdict,
-    advance: Callable[[int], None] | None,
+    begin: Callable[[str], Callable[[int], None] | None] | None,
 ) -> Verdict:
-    """What the backend ``name`` makes of the queries."""
-    row, backend = BACKENDS[name], backends.get(name, advance=advance)
-    if not row.exact or host is None:
-        counts, _ = backend.count_spikes(model, shown)
-        recall = recall_at_1(model, counts, truth)
-        return replace(reference, name=name, equal=None, recall=recall)
-    if row.counts_only:
-        counts, _ = backend.count_spikes(model, shown)
-        ours, theirs = (Trains(np.asarray(each)[:, None]) for each in (host.exc.sum(axis=1), counts))  # of one step
-        compared, differing, mismatch = compare(ours, theirs, images)
-        mismatch = None if mismatch is None else replace(mismatch, step=None)
-    else:
-        trains = backend.trains(model, shown)
-        counts = trains.exc.sum(axis=1, dtype=np.int32)
-        compared, differing, mismatch = compare(host, trains, images)
-    return replace(
-        reference,
-        name=name,
-        equal=mismatch is None,
-        compared=compared,
-        differing=differing,
-        mismatch=mismatch,
-        recall=recall_at_1(model, counts, truth),
-    )
+    """What the backend ``name`` makes of the queries.
+
+    Raises:
+        LavaVprError: it cannot run here, or not this model.
+    """
+    backends.require(name)
+    row, backend = BACKENDS[name], backends.get(name, advance=begin(name) if begin else None)
+    exact = host if row.exact else None
+    spikes = None if exact is None or row.counts_only else backend.trains(model, shown)
+    counts = backend.count_spikes(model, shown)[0] if spikes is None else spikes.exc.sum(axis=1, dtype=np.int32)
+    verdict = replace(reference, name=name, equal=None, recall=recall_at_1(model, counts, truth))
+    if exact is None:
+        return verdict
+    if spikes is None:  # counts are compared as the spikes of one step
+        exact, spikes = (Trains(np.asarray(each)[:, None]) for each in (exact.exc.sum(axis=1), counts))
+    compared, differing, mismatch = compare(exact, spikes, images)
+    if mismatch is not None and row.counts_only:
+        mismatch = replace(mismatch, step=None)
+    return replace(verdict, equal=mismatch is None, compared=compared, differing=differing, mismatch=mismatch)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.backends.rivals import BASELINES, chosen, compared_vectors
+from lava_vpr.backends.rivals import BASELINES, chosen, compared
 from lava_vpr.bench.measure.child import host_answer
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
@@ -131,7 +131,7 @@ def hog_answer(model: Model, hog: NDArray[np.uint8]) -> tuple[Callable[[slice], 
 
 def vectors_answer(queries: QuerySet, name: str, times: int) -> tuple[Callable[[slice], Places], int]:
     """Nearest place of the queries' vectors, repeated, by the baseline ``name``, and bytes kept."""
-    asked, references = compared_vectors(queries.model, queries.images, name)
+    asked, references = compared(queries.model, queries.images, name)
     return _nearest_by_cosine(references, np.tile(asked, (times, 1)), queries.model)
 
 
