@@ -227,64 +227,42 @@ def _encoded(
     standard: Standard | None,
 ) -> tuple[EncodedTraverse, ...]:
     """The next of ``images``, which have these names and indices, encoded in each of ``views``."""
-    if INPUTS[encoder.kind].sees == "vector":
-        return _encoded_vectors(names, indices, images, encoder, keep, progress, standard)
-    n, v = len(names), len(views)
-    activity = np.empty((v, n, encoder.inputs), np.float32)
-    patches = np.empty((v, n, PATCH_SIDE, PATCH_SIDE), np.uint8) if Keep.PATCHES in keep else None
-    thumbnails = np.empty((v, n, THUMBNAIL[1], THUMBNAIL[0], 3), np.uint8) if Keep.THUMBNAILS in keep else None
-    hogs = np.empty((v, n, HOG_VALUES), np.uint8) if Keep.HOG in keep else None
-    for i, whole in enumerate(islice(images, n)):
-        for k, view in enumerate(views):
-            image, patch = seen_as(whole, view), None
-            if patches is not None:
-                patch = patches[k, i] = patch_normalised(image)
-            activity[k, i] = activity_of(image, encoder, patch)
-            if thumbnails is not None:
-                thumbnails[k, i] = thumbnail(image)
-            if hogs is not None:
-                hogs[k, i] = hog(image)
+    parts = {part: made for part, made in _parts(encoder).items() if part in keep}
+    seen = (STRAIGHT,) if INPUTS[encoder.kind].sees == "vector" else tuple(views)
+    activity = np.empty((len(seen), len(names), encoder.inputs), np.float32)
+    kept = {part: np.empty((*activity.shape[:2], *shape), dtype) for part, (shape, dtype, _) in parts.items()}
+    for i, whole in enumerate(islice(images, len(names))):
+        for k, view in enumerate(seen):
+            image = seen_as(whole, view)
+            for part, (_, _, of) in parts.items():
+                kept[part][k, i] = of(image)
+            patch = kept[Keep.PATCHES][k, i] if Keep.PATCHES in kept else None
+            try:
+                activity[k, i] = activity_of(image, encoder, patch, standard)
+            except InputError as error:
+                raise InputError(f"{names[i]}: {error}") from None
         if progress is not None:
             progress(1)
+    arrays = {str(part.name).lower(): array for part, array in kept.items()}
     return tuple(
-        EncodedTraverse(
-            names,
-            indices,
-            activity[k],
-            None if patches is None else patches[k],
-            None if thumbnails is None else thumbnails[k],
-            None if hogs is None else hogs[k],
-        )
-        for k in range(v)
+        EncodedTraverse(names, indices, activity[k], **{name: array[k] for name, array in arrays.items()})
+        for k in range(len(seen))
     )
 
 
-def _encoded_vectors(
-    names: tuple[str, ...],
-    indices: NDArray[np.int64],
-    vectors: Iterator[NDArray[np.float32]],
-    encoder: EncoderConfig,
-    keep: Keep,
-    progress: Callable[[int], None] | None,
-    standard: Standard | None,
-) -> tuple[EncodedTraverse]:
-    """The next of ``vectors``, which have these names and indices, encoded; they have one view."""
-    n = len(names)
-    activity = np.empty((n, encoder.inputs), np.float32)
-    kept = np.empty((n, encoder.vector_values), np.float32) if Keep.VECTORS in keep else None
-    thumbnails = np.empty((n, THUMBNAIL[1], THUMBNAIL[0], 3), np.uint8) if Keep.THUMBNAILS in keep else None
-    for i, vector in enumerate(islice(vectors, n)):
-        try:
-            activity[i] = activity_of(vector, encoder, standard=standard)
-        except InputError as error:
-            raise InputError(f"{names[i]}: {error}") from None
-        if kept is not None:
-            kept[i] = vector
-        if thumbnails is not None:
-            thumbnails[i] = picture_of(vector, THUMBNAIL)
-        if progress is not None:
-            progress(1)
-    return (EncodedTraverse(names, indices, activity, thumbnails=thumbnails, vectors=kept),)
+def _parts(encoder: EncoderConfig) -> dict[Keep, tuple[tuple[int, ...], type, Callable[[Any], NDArray[Any]]]]:
+    """What may be kept of an image or vector beside the activity: its shape and type, and how it is made."""
+    small = (THUMBNAIL[1], THUMBNAIL[0], 3)
+    if INPUTS[encoder.kind].sees == "vector":
+        return {
+            Keep.THUMBNAILS: (small, np.uint8, partial(picture_of, size=THUMBNAIL)),
+            Keep.VECTORS: ((encoder.vector_values,), np.float32, np.asarray),
+        }
+    return {
+        Keep.PATCHES: ((PATCH_SIDE, PATCH_SIDE), np.uint8, patch_normalised),
+        Keep.THUMBNAILS: (small, np.uint8, thumbnail),
+        Keep.HOG: ((HOG_VALUES,), np.uint8, hog),
+    }
 
 
 def rates16(activity: NDArray[np.float32], spikes_per_step: float) -> NDArray[np.uint16]:

@@ -251,7 +251,9 @@ def recognise(
     if comparison.sequence > 1:
         truth = sequences.sequence_truth(truth, comparison.sequence)
     names = rivals_of(model, comparison.rivals)
-    others = _descriptor_scores(model, queries, comparison.descriptors)
+    sizes = {"n_references": len(model.labels), "n_queries": len(queries)}
+    files = comparison.descriptors
+    others = files and baselines.descriptor_similarities(*files, **sizes, labels=model.labels)
     comparison.asking.check(model)
     shown = Asker(model, seed=seed).presentations((queries, *further)) if shown is None else shown
     shown_counts, events = count_query_spikes(
@@ -325,33 +327,27 @@ def _adapted_matchers(rivals: Rivals, backend: str | Backend, advance: Advance |
     yield from rivals.adapted(asking.adapt)
 
 
-def _descriptor_scores(
-    model: Model, queries: EncodedTraverse, files: tuple[Path, Path] | None
-) -> dict[str, NDArray[np.float64]]:
-    """Scores (n, places) of ``descriptors`` under that name, if files of them are given."""
-    if files is None:
-        return {}
-    scores = baselines.descriptor_similarities(
-        *files, n_references=len(model.labels), n_queries=len(queries), labels=model.labels
-    )
-    return {"descriptors": scores}
-
-
 def _every_matcher(
-    model: Model, counts: NDArray[Any], rivals: Rivals, others: dict[str, NDArray[np.float64]]
+    model: Model, counts: NDArray[Any], rivals: Rivals, descriptors: NDArray[np.float64] | None
 ) -> Iterator[Scored]:
-    """The scores (n, places) of every decoder, of the baselines and of ``others``, one by one."""
+    """The scores (n, places) of every decoder, of the baselines and of ``descriptors``, one by one."""
     # The default is followed by a filter, too, so it comes last.
     for name in sorted(DECODERS, key=lambda name: name == model.config.decoder.default):
         yield Scored(name, name, decoded(model, counts, name))
     yield from rivals.plain()
-    for name, scores in others.items():
-        yield Scored(name, name, InBlocks.made(scores))
+    if descriptors is not None:
+        yield Scored("descriptors", "descriptors", InBlocks.made(descriptors))
 
 
 def as_json(model: Model, result: Recognition, errors: PositionErrors | None = None) -> dict[str, Any]:
     """The figures in the layout that scripts rely on (``lava-vpr eval --json``); ``errors`` where they are known."""
-    order = (*(name for name in DECODERS if name != result.default), result.default)
+    groups: dict[str, dict[str, Metrics]] = {
+        "decoders": {name: result.metrics[name] for name in sorted(DECODERS, key=lambda name: name == result.default)},
+        "baselines": {name: metrics for name, metrics in result.metrics.items() if name not in DECODERS},
+        "adapted": result.adapted,
+        "followed": result.followed,
+    }
+    figures = {group: {name: one.as_json() for name, one in found.items()} for group, found in groups.items()}
     return {
         "places": model.places,
         "queries": len(result.counts),
@@ -361,24 +357,11 @@ def as_json(model: Model, result: Recognition, errors: PositionErrors | None = N
             "steps": model.config.network.steps,
         },
         "default_decoder": result.default,
-        "decoders": {name: result.metrics[name].as_json() for name in order},
-        "baselines": {name: metrics.as_json() for name, metrics in result.metrics.items() if name not in DECODERS},
-        "adapted": {name: metrics.as_json() for name, metrics in result.adapted.items()},
+        "decoders": figures["decoders"],
+        "baselines": figures["baselines"],
+        "adapted": figures["adapted"],
         "position_error": None if errors is None else errors.as_json(),
-        "followed": {name: metrics.as_json() for name, metrics in result.followed.items()},
+        "followed": figures["followed"],
         "probability": {name: found.as_json() for name, found in result.trust.items()},
-        "curves": {
-            group: {name: metrics.curve_json() for name, metrics in figures.items()}
-            for group, figures in _curves(result, order).items()
-        },
-    }
-
-
-def _curves(result: Recognition, order: Sequence[str]) -> dict[str, dict[str, Metrics]]:
-    """The figures that have curves, in the groups in which `as_json` has them; decoders in ``order``."""
-    return {
-        "decoders": {name: result.metrics[name] for name in order},
-        "baselines": {name: metrics for name, metrics in result.metrics.items() if name not in DECODERS},
-        "adapted": result.adapted,
-        "followed": result.followed,
+        "curves": {group: {name: one.curve_json() for name, one in found.items()} for group, found in groups.items()},
     }
