@@ -223,45 +223,30 @@ class Config:
         return self.network.neurons
 
 
-def _loihi() -> Config:
-    return Config()
-
-
-def _balanced() -> Config:
-    """The default's learning, and queries in half the steps with fewer spikes from fewer inputs."""
-    return Config(
+PRESETS = {
+    "loihi": Config(),
+    # The default's learning, and queries in half the steps with fewer spikes from fewer inputs.
+    "balanced": Config(
         preset="balanced",
         encoder=EncoderConfig(query_spikes=14.0, query_inputs=420),
         network=LifNetwork(steps=64, threshold=0.7),
-    )
-
-
-def _fast() -> Config:
-    """The default's learning, and queries in a quarter of the steps, with coarser weights."""
-    return Config(
+    ),
+    # The default's learning, and queries in a quarter of the steps, with coarser weights.
+    "fast": Config(
         preset="fast",
         encoder=EncoderConfig(query_spikes=16.0, query_inputs=420),
         network=LifNetwork(steps=32, weight_bits=2, threshold=0.35),
-    )
-
-
-def _paper() -> Config:
-    return Config(
+    ),
+    "paper": Config(
         preset="paper",
         stretch=0,
         encoder=EncoderConfig(kind="pixels"),
         network=ConductanceNetwork(),
         learning=ConductanceLearning(),
         decoder=DecoderConfig(default="weighted_probability"),
-    )
-
-
-PRESETS: dict[str, typing.Callable[[], Config]] = {
-    "loihi": _loihi,
-    "balanced": _balanced,
-    "fast": _fast,
-    "paper": _paper,
+    ),
 }
+"""Every preset by name."""
 
 
 def preset(name: str) -> Config:
@@ -272,7 +257,7 @@ def preset(name: str) -> Config:
     """
     if name not in PRESETS:
         raise ConfigError(f"there is no preset {brief(name)}; choose from {', '.join(PRESETS)}")
-    return PRESETS[name]()
+    return PRESETS[name]
 
 
 def for_events(config: Config) -> Config:

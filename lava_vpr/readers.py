@@ -162,11 +162,6 @@ def _event_stream(wanted: Wanted) -> Found:
     return Found(walk=lambda: samples, word="window")
 
 
-def _bag(wanted: Wanted) -> Found:
-    paths = tuple(bag_files(wanted.path))
-    return Found(paths, lambda: every_so_often(bag_samples(wanted.path, wanted.topic), wanted.every))
-
-
 def _folder(wanted: Wanted) -> Found:
     if not wanted.live:
         return Found(tuple(folder_images(wanted.path)))
@@ -184,20 +179,6 @@ def _given(image: NDArray[Any] | InputError) -> NDArray[Any]:
     if isinstance(image, InputError):
         raise image
     return image
-
-
-def _video(wanted: Wanted) -> Found:
-    walk = lambda: every_so_often(video_samples(wanted.path), wanted.every)  # noqa: E731
-    return Found((str(wanted.path),), walk, since_start=True)
-
-
-def _events(wanted: Wanted) -> Found:
-    walk = windows_of(wanted.path, wanted.events, wanted.every)
-    return Found((str(wanted.path),), walk, "window", since_start=True)
-
-
-def _vectors(wanted: Wanted) -> Found:
-    return found_vectors(read_vectors(wanted.path), (str(wanted.path),))
 
 
 def found_vectors(stored: VectorSource, paths: tuple[str, ...] = ()) -> Found:
@@ -218,15 +199,20 @@ def _ends(suffixes: tuple[str, ...]) -> Callable[[Path], bool]:
     return lambda path: path.suffix.lower() in suffixes and path.is_file()
 
 
-def _holds_events(path: Path) -> bool:
-    return path.suffix.lower() in EVENT_SUFFIXES and path.is_file() and is_events(path)
-
-
 for _row in (
     Reader("lines", "standard input", _lines, named=lambda source: source == "-"),
     Reader("camera", "a camera", _camera, named=is_camera),
     Reader("event stream", "a stream of events", _event_stream, named=is_event_stream),
-    Reader("bag", "a ROS bag: a file, or the folder of one", _bag, is_bag, BAG_SUFFIXES),
+    Reader(
+        "bag",
+        "a ROS bag: a file, or the folder of one",
+        lambda wanted: Found(
+            tuple(bag_files(wanted.path)),
+            lambda: every_so_often(bag_samples(wanted.path, wanted.topic), wanted.every),
+        ),
+        is_bag,
+        BAG_SUFFIXES,
+    ),
     Reader("folder", "a folder of images, by natural sort", _folder, Path.is_dir),
     Reader(
         "list",
@@ -235,9 +221,33 @@ for _row in (
         _ends(LIST_SUFFIXES),
         LIST_SUFFIXES,
     ),
-    Reader("video", "a video", _video, _ends(VIDEO_SUFFIXES), VIDEO_SUFFIXES),
-    Reader("events", "a recording of an event camera, in windows", _events, _holds_events, EVENT_SUFFIXES),
-    Reader("vectors", "a file of vectors, one for each image", _vectors, _ends(VECTOR_SUFFIXES), VECTOR_SUFFIXES),
+    Reader(
+        "video",
+        "a video",
+        lambda wanted: Found(
+            (str(wanted.path),),
+            lambda: every_so_often(video_samples(wanted.path), wanted.every),
+            since_start=True,
+        ),
+        _ends(VIDEO_SUFFIXES),
+        VIDEO_SUFFIXES,
+    ),
+    Reader(
+        "events",
+        "a recording of an event camera, in windows",
+        lambda wanted: Found(
+            (str(wanted.path),), windows_of(wanted.path, wanted.events, wanted.every), "window", since_start=True
+        ),
+        lambda path: _ends(EVENT_SUFFIXES)(path) and is_events(path),
+        EVENT_SUFFIXES,
+    ),
+    Reader(
+        "vectors",
+        "a file of vectors, one for each image",
+        lambda wanted: found_vectors(read_vectors(wanted.path), (str(wanted.path),)),
+        _ends(VECTOR_SUFFIXES),
+        VECTOR_SUFFIXES,
+    ),
     Reader("image", "one image", lambda wanted: Found((str(wanted.path),)), _ends(IMAGE_SUFFIXES), IMAGE_SUFFIXES),
 ):
     READERS.register(_row)
