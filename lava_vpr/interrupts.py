@@ -11,6 +11,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import TypeVar
@@ -137,17 +138,16 @@ def stoppable(call: Callable[[], T], seconds: float | None = None) -> T:
         call: What is called.
         seconds: Time that it may take; None: any.
     Raises:
-        TimeoutError: it takes longer; it is left behind.
+        concurrent.futures.TimeoutError: it takes longer; it is left behind.
         Exception: what it raises.
     """
-    results: list[T] = []
-    errors: list[BaseException] = []
+    future: Future[T] = Future()
 
     def work() -> None:
         try:
-            results.append(call())
+            future.set_result(call())
         except BaseException as error:
-            errors.append(error)
+            future.set_exception(error)
 
     thread = threading.Thread(target=work, daemon=True)
     before = threading.stack_size(_STACK)
@@ -155,12 +155,7 @@ def stoppable(call: Callable[[], T], seconds: float | None = None) -> T:
         thread.start()
     finally:
         threading.stack_size(before)
-    thread.join(seconds)
-    if thread.is_alive():
-        raise TimeoutError(f"no answer in {seconds} s")
-    if errors:
-        raise errors[0]
-    return results[0]
+    return future.result(seconds)
 
 
 @contextmanager

@@ -60,15 +60,10 @@ def own_folder() -> Path | None:
     return None
 
 
-def _users(variable: str, name: str) -> Path | None:
-    """The folder ``name`` at the user's home, or what ``variable`` says; None if it is closed or there is none."""
-    try:
-        home = Path.home()
-    except RuntimeError:  # neither HOME nor an entry in the list of users
-        home = Path(os.devnull)
-    folder = Path(os.environ.get(variable) or home / name)
-    at_home = variable not in os.environ
-    return folder if _writable(folder) and not (at_home and not home.is_dir()) else None
+def _users(variable: str, name: str) -> bool:
+    """Whether the folder that ``variable`` names, or else ``name`` at the user's home, if there is one, can be written."""
+    home, chosen = Path(os.path.expanduser("~")), os.environ.get(variable)
+    return _writable(Path(chosen)) if chosen else home.is_dir() and _writable(home / name)
 
 
 def prepare() -> None:
@@ -78,12 +73,12 @@ def prepare() -> None:
     """
     drop_stale()
     cache, config = _users("XDG_CACHE_HOME", ".cache"), _users("XDG_CONFIG_HOME", ".config")
-    if cache is not None and config is not None:
+    if cache and config:
         return
     own = own_folder()
     if not os.environ.get("MPLCONFIGDIR") and own is not None:
         os.environ["MPLCONFIGDIR"] = str(own)
-    if cache is None:
+    if not cache:
         os.environ["XDG_CACHE_HOME"] = str(own or os.devnull)
         if not (os.environ.get("NUMBA_CACHE_DIR") or _writable(PACKAGE / "engine" / "__pycache__") or own is None):
             os.environ["NUMBA_CACHE_DIR"] = str(own)

@@ -12,6 +12,7 @@ import re
 import time
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
+from concurrent import futures
 from contextlib import contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -137,11 +138,11 @@ class Connection:
                 raise self.lost() from error
             raise ClusterError(f"task {number + 1} failed at a worker: {_named(error)}; its log says more") from error
 
-    def end(self, futures: Collection[Future]) -> None:
+    def end(self, unfinished: Collection[Future]) -> None:
         """See `lava_vpr.cluster.tasks.Runner`; a worker ends the task that it is at, whose result is dropped."""
         with suppress(Exception):  # the scheduler may be gone
-            if futures and self._client.status == "running":
-                self._client.cancel(list(futures), force=True)
+            if unfinished and self._client.status == "running":
+                self._client.cancel(list(unfinished), force=True)
 
     def require(self) -> None:
         """Refuse to go on without the scheduler.
@@ -234,7 +235,7 @@ def _client(address: str) -> Client:
     try:
         connect = partial(Client, address, timeout=CONNECT_S, set_as_default=False, name="lava-vpr")
         return stoppable(connect, CONNECT_S + 1)  # it waits for ever for somebody who listens but is no scheduler
-    except (OSError, TimeoutError, asyncio.TimeoutError) as error:
+    except (OSError, TimeoutError, asyncio.TimeoutError, futures.TimeoutError) as error:
         raise ClusterError(
             f"no scheduler of a cluster answers ({_named(error.__cause__ or error)}); {remedy}"
         ) from None

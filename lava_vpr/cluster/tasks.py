@@ -111,7 +111,7 @@ class Runner(Protocol):
         """
         ...
 
-    def end(self, futures: Collection[Any]) -> None:
+    def end(self, unfinished: Collection[Any]) -> None:
         """Drop the tasks that are not done."""
         ...
 
@@ -140,7 +140,7 @@ class _Threads:
     def result(self, future: Any, number: int) -> Any:
         return future.result()
 
-    def end(self, futures: Collection[Any]) -> None:
+    def end(self, unfinished: Collection[Any]) -> None:
         self._stop.set()
         self._pool.shutdown(wait=True, cancel_futures=True)
 

@@ -16,7 +16,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +68,9 @@ def run_isolated(
     end = time.monotonic() + timeout
     text = json.dumps(dict(options or {}))
     with temporary_folder() as folder:
-        _check_length(folder)
+        if len(os.fsencode(folder)) > LONGEST_FOLDER:
+            said = "too long a path for the sockets that Lava makes there; set TMPDIR to a shorter one"
+            raise LavaRunError(f"{folder.parent}: {said}")
         reader = job_folder.ProgressReader(folder)
         with _worker(folder) as worker:
             _write_job(folder, target, arrays, text)  # now, so that the worker removes it should we be killed meanwhile
@@ -81,29 +82,15 @@ def run_isolated(
                     progress(done)
                 return None if code is None else 128 - code if code > 128 else code
 
-            failure = first_failure.awaited(folder, partial(_answered, folder), poll, end)
+            def answered(code: int | None) -> bool:
+                return code == 0 and (folder / "results").exists() and first_failure.recorded(folder) is None
+
+            failure = first_failure.awaited(folder, answered, poll, end)
             if failure is None:
                 return job_folder.load_arrays(folder / "results")
             if not failure:
                 _ask_stacks(folder)
             raise error_of(failure, target, timeout, folder)
-
-
-def _answered(folder: Path, code: int | None) -> bool:
-    """Whether the worker has ended with results and no failure was noted."""
-    return code == 0 and (folder / "results").exists() and first_failure.recorded(folder) is None
-
-
-def _check_length(folder: Path) -> None:
-    """Refuse a folder whose path is too long for Lava's sockets.
-
-    Raises:
-        LavaRunError: it is.
-    """
-    if len(os.fsencode(folder)) > LONGEST_FOLDER:
-        raise LavaRunError(
-            f"{folder.parent}: too long a path for the sockets that Lava makes there; set TMPDIR to a shorter one"
-        )
 
 
 def _write_job(folder: Path, target: str, arrays: Mapping[str, NDArray[Any]], options: str) -> None:

@@ -116,8 +116,9 @@ def unpack(data: bytes, path: Path, kind: str) -> tuple[dict[str, Any], dict[str
             "free some"
         ) from None
     except _UNFIT as error:
+        cause = " ".join(str(error).split())[:200] or type(error).__name__
         raise ModelFileError(
-            f"{shown(path)}: the {kind} does not hold what it should ({_cause(error)}); {REMEDIES[kind]}"
+            f"{shown(path)}: the {kind} does not hold what it should ({cause}); {REMEDIES[kind]}"
         ) from None
 
 
@@ -181,11 +182,6 @@ def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:
         return array_of(unpacked(archive, entry))
     except ValueError as error:
         raise ValueError(f"entry {entry.filename} {error}") from None
-
-
-def _cause(error: Exception) -> str:
-    """What ``error`` says, on one short line."""
-    return " ".join(str(error).split())[:200] or type(error).__name__
 
 
 def _magic(kind: str) -> bytes:
