@@ -30,7 +30,11 @@ PATH = Path("a.lvpr")
 @cache
 def sound(kind: str) -> tuple[str, Arrays]:
     """Header, as text, and arrays of a model file, or of what a bundle keeps."""
-    whole = train([encoded(inputs=784)], tiny_paper()) if kind == "paper" else small_model()
+    made = {
+        "paper": lambda: train([encoded(inputs=784)], tiny_paper()),
+        "views": lambda: train([encoded(seed=view) for view in range(3)], small_config(views={"shifts": 3})),
+    }
+    whole = made.get(kind, small_model)()
     header, arrays = model.content(whole, network=kind != "references")
     return json.dumps(header), arrays
 
@@ -154,6 +158,10 @@ FORGED: list[tuple[str, Forge, str]] = [
     ("loihi", key("stretches", value=[[0, 4, 0, 4, 0, 1, 1], [4, 4, 4, 4, 0]]), "stretch [0, 4, 0, 4"),
     ("loihi", key("stretches", value=[[0, 8, 0, 0, 0, 1]]), "stretches that have no neuron left"),
     ("paper", key("stretches", value=[[0, 8, 0, 12, 0, 1]]), "stretch [0, 8, 0, 12"),
+    ("views", lambda header, arrays: header["stretches"][3].__setitem__(4, 0), "stretch"),
+    ("views", lambda header, arrays: header["stretches"].pop(), "stretches of"),
+    ("views", lambda header, arrays: header["stretches"][0].append(1), "stretch"),
+    ("views", lambda header, arrays: arrays["labels"].__setitem__(7, 0), "labels that are not the places"),
     # settings
     *(("loihi", key("config", value=v), "the settings must be a table") for v in (5, [1], None, "loihi")),
     *(("loihi", key("config", "preset", value=v), "preset") for v in (5, [], "x" * 10**6)),

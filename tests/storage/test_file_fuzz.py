@@ -13,6 +13,9 @@ from support.fuzz import run
 from support.fuzz.changes import sealed_bundle
 from support.fuzz.corpus import Corpus
 
+from lava_vpr import maps
+from lava_vpr import model as model_file
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -32,6 +35,18 @@ def test_honest_files_are_equal_when_they_are_written_again(honest: Corpus) -> N
         assert run.tried(case, honest) == (run.SOUND, ""), case
     for files in honest.files["bundle"].values():
         assert sealed_bundle(files).keys() == files.keys()
+
+
+@pytest.mark.parametrize("name", ["float", "views"])
+def test_models_that_lost_places(honest: Corpus, name: str, tmp_path: Path) -> None:
+    """What is left of a model is equal when it is written again, and so is what it is merged to."""
+    whole = model_file.load(honest.folder / f"{name}.lvpr")
+    less = maps.remove(whole, [0, 4])
+    for made in (less, maps.merge([less, whole])):
+        model_file.save(made, tmp_path / "m.lvpr")
+        case = run.Case("model", name, {"m.lvpr": (tmp_path / "m.lvpr").read_bytes()})
+        assert run.tried(case, honest) == (run.SOUND, "")
+        assert any(part.removed for part in made.stretches)
 
 
 def test_seed_and_number_decide_a_case(honest: Corpus) -> None:

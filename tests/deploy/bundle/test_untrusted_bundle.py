@@ -237,6 +237,8 @@ KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
         "differs from what host/references.lvpr says",
     ),
     "no labels": (lambda told, files: files.pop("host/labels.npy"), "host/labels.npy", "the bundle lacks this file"),
+    "injected too far": (array("host/injection.npy", at(0, 3, 4000)), "cores", "deploy the model again"),
+    "other synapses": (array(f"{CORE}/synapses.npy", at(0, 15)), "cores", "deploy the model again"),
     "responses below 0": (
         array("host/responses.npy", at(0, 0, -1)),
         "host/responses.npy",
@@ -254,6 +256,7 @@ LOIHI_2: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
     ),
     "1.0 for 1": (values(PARAMETERS, "relay", "weight_exp", 0.0), PARAMETERS, "'relay' contradicts"),
     "parameters that are none": (text(PARAMETERS, b"[]"), PARAMETERS, "describes no network that Loihi 2 can run"),
+    "more parameters": (values(PARAMETERS, "more", 1), PARAMETERS, "deploy the model again"),
     "a long threshold": (
         values(PARAMETERS, "network", "threshold", 10**300),
         PARAMETERS,
@@ -336,6 +339,21 @@ def test_trains_that_the_settings_do_not_say_are_refused(sound: Any, tmp_path: P
 def test_what_was_not_changed_is_taken(sound: Any, tmp_path: Path) -> None:
     for board, (told, files) in sound.items():
         assert open_bundle(put(tmp_path / board, told, files)).places == 8
+
+
+@pytest.mark.parametrize(
+    ("board", "part", "change"),
+    [
+        ("kapoho-bay", "bias", array(f"{CORE}/compartments.npy", at(0, 2, 1))),
+        ("loihi2", "weights", array(loihi2.WEIGHTS, at(0, 0, 224))),
+    ],
+)
+def test_what_a_board_gets_is_what_is_read(sound: Any, board: str, part: str, change: Any, tmp_path: Path) -> None:
+    told, files = sound[board][0], dict(sound[board][1])
+    before = open_bundle(put(tmp_path / "a", told, files))
+    change(told, files)
+    after = open_bundle(put(tmp_path / "b", told, files))
+    assert (getattr(before.network, part) != getattr(after.network, part)).sum() == 1
 
 
 def test_a_bundle_that_is_replaced_meanwhile_is_not_mixed_with_the_first(tmp_path: Path) -> None:
