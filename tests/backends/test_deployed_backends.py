@@ -111,15 +111,10 @@ def test_bundles_take_biases_of_each_presentation(model: Model, board: str, tmp_
         backend.count_spikes(used, too_high)
 
 
-@pytest.mark.parametrize("source", ["file", "kapoho-bay", "loihi2"])
-def test_the_bundle_counts_what_the_host_counts(model: Model, source: str, tmp_path: Path) -> None:
+def test_a_model_is_deployed_and_counts_what_the_host_counts(model: Model) -> None:
     shown = three(model, 3)
-    used = model
-    if source != "file":
-        deploy(model, BOARDS[source], tmp_path / "b", picture=False)
-        used = open_bundle(tmp_path / "b")
     seen: list[int] = []
-    counts, events = backends.get("bundle", advance=seen.append).count_spikes(used, shown)
+    counts, events = backends.get("bundle", advance=seen.append).count_spikes(model, shown)
     expected, wanted = HostBackend().count_spikes(model, shown)
     assert np.array_equal(counts, expected)
     assert events == wanted

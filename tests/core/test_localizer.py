@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from support.common.commands import run
 
 import lava_vpr
-from lava_vpr import Localizer, load, train
+from lava_vpr import Localizer, train
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.errors import ConfigError, InputError, LavaVprError
@@ -229,16 +229,6 @@ def test_places_come_and_go_while_it_drives(summer: Images, winter: Images, rout
     assert robot.update(winter[22]).place == 22
     with pytest.raises(InputError, match="no place 0"):
         robot.remove([0])
-
-
-def test_what_is_saved_answers_alike(winter: Images, route: Model, tmp_path: Path) -> None:
-    robot = Localizer(route, "none")
-    robot.save(tmp_path / "m.lvpr")
-    again = Localizer(load(tmp_path / "m.lvpr"), "none")
-    for image in winter[:5]:
-        one, other = robot.update(image), again.update(image)
-        assert (one.place, one.probability) == (other.place, other.probability)
-        assert np.array_equal(one.spikes, other.spikes)
 
 
 def test_no_thread_no_file_no_memory(winter: Images, route: Model) -> None:

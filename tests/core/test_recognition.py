@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from support.common.small_models import encoded, small_model, tiny_paper
 
-from lava_vpr import model
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends import rivals
 from lava_vpr.backends.asking import Asking
@@ -40,15 +39,7 @@ QUICK = settings(deadline=None, derandomize=True, max_examples=15)
 
 def taken(traverse: EncodedTraverse, order: NDArray[np.int64] | list[int]) -> EncodedTraverse:
     """Some images of a traverse, numbered from 0, as a folder of them alone would be."""
-    chosen = np.asarray(order, np.int64)
-    return EncodedTraverse(
-        names=tuple(traverse.names[i] for i in chosen),
-        indices=np.arange(len(chosen)),
-        patches=traverse.patches[chosen],
-        activity=traverse.activity[chosen],
-        thumbnails=traverse.thumbnails[chosen],
-        hog=traverse.hog[chosen],
-    )
+    return dataclasses.replace(traverse.take(np.asarray(order, np.int64)), indices=np.arange(len(order)))
 
 
 @lru_cache(maxsize=1)
@@ -84,16 +75,6 @@ def test_batches_do_not_matter(kind: str) -> None:
     many = taken(queries, np.arange(64) % PLACES)
     rows, _ = count_query_spikes(learned, many, threads=2)
     np.testing.assert_array_equal(rows, counts[np.arange(64) % PLACES])
-
-
-@pytest.mark.parametrize("kind", ["loihi", "paper"])
-def test_files_do_not_matter(kind: str, tmp_path: Path) -> None:
-    learned, queries, counts, _ = case(kind)
-    model.save(learned, tmp_path / "m.lvpr")
-    loaded = model.load(tmp_path / "m.lvpr")
-    np.testing.assert_array_equal(count_query_spikes(loaded, queries)[0], counts)
-    before, after = recognise(learned, queries, TRUTH), recognise(loaded, queries, TRUTH)
-    assert as_json(learned, before) == as_json(loaded, after)
 
 
 @QUICK

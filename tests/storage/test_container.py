@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
 import struct
 import tracemalloc
 import warnings
@@ -187,8 +186,8 @@ FORGED = {
     "short": (with_array(npy(ARRAY)[:-1]), "its header says"),
     "long": (with_array(npy(ARRAY) + b"\0"), "its header says"),
     "huge": (with_array(described(SHAPE % ("<f4", "(99999999999, 99999999999)"))), "its header says"),
-    "huge and empty": (with_array(described(SHAPE % ("<f4", "(0, 99999999999999999999)"))), "does not hold"),
-    "many dimensions": (with_array(described(SHAPE % ("<f4", "(" + "1," * 38 + ")"), bytes(4))), "does not hold"),
+    "huge and empty": (with_array(described(SHAPE % ("<f4", "(0, 99999999999999999999)"))), "its header says"),
+    "many dimensions": (with_array(described(SHAPE % ("<f4", "(" + "1," * 38 + ")"), bytes(4))), "its header says"),
     "negative": (with_array(described(SHAPE % ("<f4", "(-1, -1)"), bytes(4))), "is no array of numbers"),
     "header of floats": (archive([("header.npy", npy(ARRAY))]), "not of bytes"),
     "header no object": (archive([("header.npy", header([1]))]), "no JSON object"),
@@ -262,13 +261,6 @@ def test_a_directory_of_many_entries_is_not_read() -> None:
     data = sealed(b"PK\x01\x02" * 70_000)
     with pytest.raises(ModelFileError, match="more than 65,535 entries"):
         container.unpack(data, PATH, "model")
-
-
-@pytest.mark.timeout(20)
-def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "a.lvpr")
-    with pytest.raises(ModelFileError, match=r"cannot be read \(is a named pipe, not a file\); check the path"):
-        container.load(tmp_path / "a.lvpr", "model")
 
 
 def test_what_a_file_unpacks_to_is_bounded_by_its_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
