@@ -230,7 +230,9 @@ def _encoded(
     parts = {part: made for part, made in _parts(encoder).items() if part in keep}
     seen = (STRAIGHT,) if INPUTS[encoder.kind].sees == "vector" else tuple(views)
     activity = np.empty((len(seen), len(names), encoder.inputs), np.float32)
-    kept = {part: np.empty((*activity.shape[:2], *shape), dtype) for part, (shape, dtype, _) in parts.items()}
+    kept: dict[Keep, NDArray[Any]] = {
+        part: np.empty((*activity.shape[:2], *shape), dtype) for part, (shape, dtype, _) in parts.items()
+    }
     for i, whole in enumerate(islice(images, len(names))):
         for k, view in enumerate(seen):
             image = seen_as(whole, view)

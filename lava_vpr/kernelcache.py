@@ -61,7 +61,7 @@ def own_folder() -> Path | None:
 
 
 def _users(variable: str, name: str) -> bool:
-    """Whether the folder that ``variable`` names, or else ``name`` at the user's home, if there is one, can be written."""
+    """Whether the folder that ``variable`` names, or ``name`` at the user's home if there is one, can be written."""
     home, chosen = Path(os.path.expanduser("~")), os.environ.get(variable)
     return _writable(Path(chosen)) if chosen else home.is_dir() and _writable(home / name)
 
