@@ -251,9 +251,10 @@ def recognise(
     if comparison.sequence > 1:
         truth = sequences.sequence_truth(truth, comparison.sequence)
     names = rivals_of(model, comparison.rivals)
-    sizes = {"n_references": len(model.labels), "n_queries": len(queries)}
-    files = comparison.descriptors
-    others = files and baselines.descriptor_similarities(*files, **sizes, labels=model.labels)
+    files, labels = comparison.descriptors, model.labels
+    others = files and baselines.descriptor_similarities(
+        *files, n_references=len(labels), n_queries=len(queries), labels=labels
+    )
     comparison.asking.check(model)
     shown = Asker(model, seed=seed).presentations((queries, *further)) if shown is None else shown
     shown_counts, events = count_query_spikes(
