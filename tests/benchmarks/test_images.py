@@ -1,4 +1,4 @@
-"""Benchmarks that need real images say in one line, before any work, that there are none."""
+"""Benchmarks that need real images say in one line, before any work, that there are none; all the energy of a query."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from pathlib import Path
 
 import click
 import pytest
+from click.testing import CliRunner
 from support.common import children
 
 from benchmarks import __main__ as benchmarks
+from benchmarks.energy import whole
+from benchmarks.program import turns
 
 ROOT = Path(__file__).resolve().parents[2]
 WITHOUT = {
@@ -69,3 +72,29 @@ def test_make_tells_it_before_anything_is_installed(goal: str, named: str) -> No
     done = children.run(["make", "--no-print-directory", "VENV=nowhere", goal], **options)
     assert done.returncode == 2
     assert done.stdout == f"make {goal} needs real images; set LAVA_VPR_DATA to the folder that holds data/nordland\n"
+
+
+def test_all_take_turns_and_the_first_round_does_not_count() -> None:
+    values, order = iter(range(6)), list[str]()
+
+    def timed(name: str) -> int:
+        order.append(name)
+        return next(values)
+
+    assert turns({"a": lambda: timed("a"), "b": lambda: timed("b")}, 2) == {"a": [2, 5], "b": [3, 4]}
+    assert order == ["b", "a", "a", "b", "b", "a"]
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_a_column_for_every_preset_and_matcher(data_root: Path) -> None:
+    result = CliRunner().invoke(whole.main, ["--rounds", "1"])
+    assert result.exit_code == 0, result.output
+    for name in whole.INTEGER:
+        assert f"{name}, Kapoho Bay" in result.output
+        assert f"{name}, no board" in result.output
+    first, second = re.findall(r"R@1, percent +│(.*)│", result.output)
+    recalls = [float(cell) for cell in f"{first}│{second}".split("│")]
+    assert len(recalls) == 2 * len(whole.INTEGER) + 3
+    assert min(recalls[:-2]) > 90
+    assert recalls[-3:] == [92.6, 88.0, 57.8]  # cosine, HOG and SAD, as docs/results.json has them
