@@ -13,6 +13,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays
 from lava_vpr.engine.presentations import cores
 from lava_vpr.inputs.views import View, seen_as
 from lava_vpr.matching.evaluation import Metrics
-from lava_vpr.recognition import Comparison, Recognition, recognise
+from lava_vpr.recognition import DECODERS_ONLY, Comparison, Recognition, recognise
 from lava_vpr.synthetic.world import World, render
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
@@ -180,18 +181,15 @@ def answered(scenario: Scenario, config: Config, template: bool) -> Recognition:
 def compared(make: Callable[[int, Random], Scenario], parts: Sequence[int], seeds: Sequence[int]) -> list[str]:
     """The cells of a scenario: of each way to learn, and of cosine."""
     found: dict[str, list[Metrics]] = {name: [] for name in (*LEARNERS, "cosine")}
-    shown = True
-    for part in parts:
-        for seed in seeds:
-            scenario = make(part, np.random.default_rng((seed, part)))
-            shown = scenario.rivals
-            for name, learning in LEARNERS.items():
-                settings = update(preset("loihi"), {"learning": dict(learning), "seed": seed})
-                result = answered(scenario, settings, name == "templates")
-                found[name].append(result.metrics[result.default])
-                if name == "STDP":
-                    found["cosine"].append(result.metrics["cosine"])
-    return [recall(each) if shown or name.startswith("STDP") else "" for name, each in found.items()]
+    for part, seed in product(parts, seeds):
+        scenario = make(part, np.random.default_rng((seed, part)))
+        for name, learning in LEARNERS.items():
+            settings = update(preset("loihi"), {"learning": dict(learning), "seed": seed})
+            result = answered(scenario, settings, name == "templates")
+            found[name].append(result.metrics[result.default])
+            if name == "STDP":
+                found["cosine"].append(result.metrics["cosine"])
+    return [recall(each) if scenario.rivals or name.startswith("STDP") else "" for name, each in found.items()]
 
 
 def drives(config: Config, world: int, gated: bool) -> Iterator[Metrics]:
@@ -200,8 +198,7 @@ def drives(config: Config, world: int, gated: bool) -> Iterator[Metrics]:
     for condition in ("rain", "night", "winter"):
         model = train(references, config, pool=Pool(cores()))
         queries = encoded(synthetic(condition, world), config)
-        comparison = Comparison(rivals=(), keep_scores=False)
-        result = recognise(model, queries, np.eye(PLACES, dtype=bool), comparison, pool=Pool(cores()))
+        result = recognise(model, queries, np.eye(PLACES, dtype=bool), DECODERS_ONLY, pool=Pool(cores()))
         yield result.metrics[result.default]
         if gated:
             references.append(learned_from(result, queries, references[0]))

@@ -131,12 +131,6 @@ def follow(scores: NDArray[np.float64], motion: str, frames: NDArray[np.int64]) 
     return start.step(scores[frames], moving)[1]
 
 
-def exact_and_near(matches: NDArray[np.int64], truth: NDArray[np.int64]) -> tuple[float, float]:
-    """Percent of the matches that are exact, and within 3 places."""
-    apart = np.abs(matches - truth)
-    return 100 * float((apart == 0).mean()), 100 * float((apart <= 3).mean())
-
-
 def found_again(some: ScoredImages, motion: str) -> float:
     """Percent of kidnappings after which a place is exact within ten frames, and the last is within one."""
     cases = kidnappings(some.model.places, KIDNAPPED, seed=1)
@@ -147,10 +141,10 @@ def found_again(some: ScoredImages, motion: str) -> float:
     return 100 * again / len(cases)
 
 
-def driven(some: ScoredImages, motion: str, frames: NDArray[np.int64]) -> tuple[float, float]:
+def driven(some: ScoredImages, motion: str, frames: NDArray[np.int64]) -> list[float]:
     """Percent of the frames of a drive that are answered exactly, and within 3 places."""
-    alone = motion == NONE
-    return exact_and_near(some.on[frames].argmax(axis=1) if alone else follow(some.on, motion, frames).matches, frames)
+    found = some.on[frames].argmax(axis=1) if motion == NONE else follow(some.on, motion, frames).matches
+    return [100 * float((np.abs(found - frames) <= off).mean()) for off in (0, 3)]
 
 
 def drive_cells(all_seeds: Sequence[ScoredImages]) -> list[list[str]]:
