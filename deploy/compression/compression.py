@@ -166,15 +166,9 @@ def fitting(model: Model, board: Board, bits: int, weights: NDArray[np.float64])
     return network
 
 
-class Finest(NamedTuple):
-    """The network with the most bits that a board can run, and why it has not as many as were wanted ("" if it has)."""
-
-    network: FixedNetwork
-    reason: str
-
-
-def _finest(model: Model, board: Board, weights: NDArray[np.float64], most: int) -> Finest:
-    """The network of ``weights`` of norm 1 with the most bits up to ``most`` that ``board`` can run.
+def _finest(model: Model, board: Board, weights: NDArray[np.float64], most: int) -> tuple[FixedNetwork, str]:
+    """The network of ``weights`` of norm 1 with the most bits up to ``most`` that ``board`` can run, and why it has no
+    more ("" if it has ``most``).
 
     Raises:
         NetworkLimitError: not even one.
@@ -186,7 +180,7 @@ def _finest(model: Model, board: Board, weights: NDArray[np.float64], most: int)
         except NetworkLimitError as error:
             reasons.append(str(error).partition(";")[0])
         else:
-            return Finest(network, next(iter(reasons), ""))
+            return network, next(iter(reasons), "")
     raise NetworkLimitError(
         f"{board.title}: not even weights of 1 bit fit: {reasons[-1]}; use fewer inputs, or lower network.inhibition"
     )

@@ -102,19 +102,19 @@ def current(model: Model) -> Settings:
     Raises:
         ConfigError: it has no integer network.
     """
-    network, encoder = integer_model(model, PURPOSE).config.network, model.config.encoder
-    settings = {name: float(getattr(encoder, name)) for name in ENCODER}
-    settings |= {name: float(getattr(network, name)) for name in NETWORK}
-    return settings | {"neurons_per_place": model.neurons / model.places}
+    config = integer_model(model, PURPOSE).config
+    return _named(config) | {"neurons_per_place": model.neurons / model.places}
 
 
 def fast_settings(model: Model) -> Settings:
     """The settings of ``model`` with those of preset ``fast``; its neurons per place stay."""
-    config = integer_config(preset("fast"), PURPOSE)
-    network = config.network
-    settings = {name: float(getattr(config.encoder, name)) for name in ENCODER}
-    settings |= {name: float(getattr(network, name)) for name in NETWORK}
-    return {**current(model), **settings}
+    return current(model) | _named(integer_config(preset("fast"), PURPOSE))
+
+
+def _named(config: Config) -> Settings:
+    """The settings of `ENCODER` and `NETWORK`."""
+    parts = ((config.encoder, ENCODER), (config.network, NETWORK))
+    return {name: float(getattr(part, name)) for part, names in parts for name in names}
 
 
 def configured(config: Config, settings: Settings) -> Config:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
 
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
@@ -184,10 +185,6 @@ def _absent(name: str, source: Source | None, method: Method, wanted: PaperReque
 
 def counted(sections: Sequence[int]) -> str:
     """Numbers of sections as text: ranges with commas between, for instance ``1 to 3, 7``."""
-    parts: list[list[int]] = []
-    for number in sections:
-        if parts and number == parts[-1][-1] + 1:
-            parts[-1].append(number)
-        else:
-            parts.append([number])
+    runs = groupby(enumerate(sections), lambda pair: pair[1] - pair[0])
+    parts = ([number for _, number in run] for _, run in runs)
     return ", ".join(str(part[0]) if len(part) == 1 else f"{part[0]} to {part[-1]}" for part in parts)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -88,7 +87,7 @@ def official(name: str, root: Path, positions: Sequence[Path] = ()) -> Source:
         )
     sampled = [opened.sampled(traverse) for traverse in whole]
     chosen = _matched(sampled, whole, positions, layout.spacing)
-    return _checked(Source(row, row.learned, row.recognised, True, layout.every, chosen, _lengths(whole)))
+    return _checked(Source(row, row.learned, row.recognised, True, layout.every, chosen, tuple(map(len, whole))))
 
 
 def stand_in(name: str, paths: Sequence[Path], positions: Sequence[Path] = ()) -> Source:
@@ -114,11 +113,7 @@ def stand_in(name: str, paths: Sequence[Path], positions: Sequence[Path] = ()) -
         )
     chosen = _matched(whole, whole, positions, None)
     names = tuple(shown(Path(path).stem) for path in paths)
-    return _checked(Source(DATASETS[name], names[:-1], names[-1], False, 1.0, chosen, _lengths(whole)))
-
-
-def _lengths(whole: Sequence[Traverse]) -> tuple[int, ...]:
-    return tuple(map(len, whole))
+    return _checked(Source(DATASETS[name], names[:-1], names[-1], False, 1.0, chosen, tuple(map(len, whole))))
 
 
 def _matched(
@@ -166,14 +161,11 @@ def tasks(
     Raises:
         InputError: descriptors that cannot be used, or that are not one for each image.
     """
-    inputs: Callable[[int], tuple[Taken, ...] | tuple[DescriptorRows, ...]]
     if network != DESCRIPTORS:
-        inputs = source.taken
-    elif descriptors is None:
+        return [SectionTask(source.dataset.name, k, network, seed, source.taken(k), epochs) for k in sections]
+    if descriptors is None:
         return []
-    else:
-        inputs, seed, epochs = partial(_rows, source, descriptors), 0, None
-    return [SectionTask(source.dataset.name, number, network, seed, inputs(number), epochs) for number in sections]
+    return [SectionTask(source.dataset.name, k, network, 0, _rows(source, descriptors, k)) for k in sections]
 
 
 def _rows(source: Source, files: tuple[Path, Path], section: int) -> tuple[DescriptorRows, DescriptorRows]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from lava_vpr.backends.host import HostBackend
 from lava_vpr.backends.interface import Presentations
@@ -73,40 +75,33 @@ def _altered(model: Model, route: Route) -> NDArray[np.int32]:
     return HostBackend().count_spikes(model, Presentations(rates, model.config.seed, "calibration"))[0]
 
 
-def side_by_side(route: Route, config: Config, size: int) -> tuple[Modules, list[Model]]:
+def side_by_side(route: Route, config: Config, size: int) -> Modules:
     """A module for each ``size`` places in a row, each a network of its own that learned nothing else.
 
     Where they do not come out even, the last module has fewer places, or one more.
     """
     starts = range(0, route.places - 1, size)  # a last place alone joins the module before it
-    ends = [*starts[1:], route.places]
-    models, parts, responses = [], [], np.zeros((0, route.places), np.int64)
-    for first, end in zip(starts, ends, strict=True):
-        model = learned(route.section(first, end), update(config, {"stretch": 0}))
-        own = np.zeros((model.neurons, route.places), np.int64)
-        own[:, first:end] = model.responses
-        responses = np.concatenate([responses, own])
-        shown = (counted(model, route), references_counted(model, route, "response"))
-        parts.append((*shown, _altered(model, route)))
-        models.append(model)
-    counts, references, calibration = (np.concatenate(of, axis=1) for of in zip(*parts, strict=True))
-    neurons, sizes = [model.neurons for model in models], [end - first for first, end in zip(starts, ends, strict=True)]
-    numbers = np.arange(len(models))
-    return Modules(
-        counts, references, calibration, responses, np.repeat(numbers, neurons), np.repeat(numbers, sizes)
-    ), models
+    sections = zip(starts, [*starts[1:], route.places], strict=True)
+    models = [learned(route.section(*section), update(config, {"stretch": 0})) for section in sections]
+    spikes = (np.concatenate(of, axis=1) for of in zip(*(_spikes(model, route) for model in models), strict=True))
+    return _modules(spikes, block_diag(*(model.responses for model in models)), models)
 
 
 def as_one(model: Model, route: Route) -> Modules:
     """One network whose stretches, learned apart, are the modules, all under one inhibition."""
-    return Modules(
-        counted(model, route),
-        references_counted(model, route, "response"),
-        _altered(model, route),
-        model.responses,
-        np.repeat(np.arange(len(model.stretches)), [part.neurons for part in model.stretches]),
-        np.repeat(np.arange(len(model.stretches)), [part.places for part in model.stretches]),
-    )
+    return _modules(_spikes(model, route), model.responses, model.stretches)
+
+
+def _spikes(model: Model, route: Route) -> Iterable[NDArray[np.int32]]:
+    """Spikes of ``model`` on queries, references and altered references of ``route``."""
+    return counted(model, route), references_counted(model, route, "response"), _altered(model, route)
+
+
+def _modules(spikes: Iterable[NDArray[np.int32]], responses: NDArray[Any], parts: Sequence[Any]) -> Modules:
+    """Modules of so many neurons and places as each of ``parts`` has."""
+    neurons, places = [part.neurons for part in parts], [part.places for part in parts]
+    numbers = np.arange(len(parts))
+    return Modules(*spikes, responses, np.repeat(numbers, neurons), np.repeat(numbers, places))
 
 
 def theta_of(modules: Modules, decoder: str, gamma: float) -> tuple[int, NDArray[np.bool_]]:
@@ -155,7 +150,7 @@ def measure_hyperactive(route: Route, task: StudyTask) -> list[Outcome]:
     decoder, size = point.config.decoder, int(point.value or 0)
     whole = learned(route, point.config)
     beside = baselines(whole, route) if task.first else {}
-    apart, _ = side_by_side(route, point.config, size)
+    apart = side_by_side(route, point.config, size)
     outcomes = []
     for kind, modules in (("one network", as_one(whole, route)), ("apart", apart)):
         theta, removed = theta_of(modules, decoder.default, decoder.gamma)

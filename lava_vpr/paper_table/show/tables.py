@@ -10,6 +10,7 @@ from lava_vpr.paper_table.run import DatasetRows, MethodRow, PaperTable, counted
 from lava_vpr.paper_table.sections import FIGURES
 from lava_vpr.show.numbers import NONE, percent
 from lava_vpr.show.table import Table
+from lava_vpr.studies.show.values import shared
 
 RULES = (
     "R@100P released: as the paper's code counts it, by 99 thresholds on the scores, a rejected query missing at its "
@@ -50,12 +51,11 @@ def _summary(row: MethodRow) -> tuple[str, ...]:
     if row.absent is not None:
         return (row.method.title, printed, *[NONE] * 5, row.absent)
     released, *others = (row.figures[name] for name in FIGURES)
-    spread = "" if released.deviation is None else f" ± {percent(released.deviation)}"
     values = released.by_seed.values()
     return (
         row.method.title,
         printed,
-        percent(released.mean) + spread,
+        shared(released),
         f"{percent(min(values))} to {percent(max(values))}",
         *(percent(one.mean) for one in others),
         counted(row.sections) + (f"; {counted(row.left)} not computed" if row.left else ""),

@@ -8,7 +8,7 @@ from lava_vpr.configfile import to_dict
 from lava_vpr.experiments.grid import Row, Spread
 from lava_vpr.experiments.task import BOARD, COSTED, FACTS, MODELLED, NETWORK, Costs
 from lava_vpr.matching.evaluation import Recall, titles
-from lava_vpr.show.numbers import NONE, figure, named, percent
+from lava_vpr.show.numbers import NONE, count, figure, named, percent
 from lava_vpr.show.table import Table
 from lava_vpr.studies.study import Studied
 
@@ -64,8 +64,8 @@ def table(found: Studied) -> Table:
     asked, study = found.asked, found.study
     lines = []
     for row in found.rows:
-        cells = [row.label, *(_share(row.figures[NETWORK][name]) for name in Recall._fields)]
-        cells += [_fact(name, row.mean(FACTS, name)) for name in facts]
+        cells = [row.label, *(shared(row.figures[NETWORK][name]) for name in Recall._fields)]
+        cells += [(percent if name in SHARES else count)(row.mean(FACTS, name)) for name in facts]
         cells += [_three(row, name) for name in baselines]
         cells += [figure(row.mean(MODELLED, name)) for name in Costs._fields] if costs else []
         lines.append(tuple(cells))
@@ -83,15 +83,9 @@ def table(found: Studied) -> Table:
     return Table(columns, lines, (note, study.note), f"{study.title.lower()}: {numbers}")
 
 
-def _share(value: Spread) -> str:
-    """A fraction in percent, with its deviation."""
+def shared(value: Spread) -> str:
+    """A fraction in percent, with its deviation, if there is one."""
     return percent(value.mean) if value.deviation is None else f"{percent(value.mean)} ± {percent(value.deviation)}"
-
-
-def _fact(name: str, value: float | None) -> str:
-    if value is None or name in SHARES:
-        return percent(value)
-    return f"{int(value):,}" if value.is_integer() else figure(value, 4)
 
 
 def _three(row: Row, baseline: str) -> str:
