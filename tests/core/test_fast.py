@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -22,7 +20,6 @@ from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.deploy.mapping.limits import DEVIATIONS
 from lava_vpr.encoding import query_rates, rates16, strongest
-from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import distinctive, pruned, unit_norm
 from lava_vpr.errors import ConfigError
 from lava_vpr.loihi import HOST_SPIKES
@@ -92,25 +89,8 @@ def test_what_is_common_goes_and_then_the_smallest(learned: np.ndarray, signed: 
 def test_nothing_of_its_own_is_refused() -> None:
     with pytest.raises(ConfigError, match="all neurons have learned the same"):
         distinctive(np.ones((6, 3), np.float32), LifNetwork())
-    with pytest.raises(ConfigError, match=r"network\.prune is 1\.0, but must be in \[0, 1\)"):
-        LifNetwork(prune=1.0)
     with pytest.raises(ConfigError, match=r"share of pruned weights is 1\.5"):
         pruned(np.ones((2, 2)), 1.5)
-
-
-def test_quantised_anew_it_stays_the_same_and_prunes() -> None:
-    model = small_fast()
-    again = requantised(model)
-    assert isinstance(model.network, FixedNetwork)
-    assert isinstance(again.network, FixedNetwork)
-    assert np.array_equal(again.network.weights, model.network.weights)
-    assert np.array_equal(again.responses, model.responses)
-    held = np.count_nonzero(model.network.weights, axis=0)
-    less = requantised(dataclasses.replace(model, config=update(model.config, {"network": {"prune": 0.95}})))
-    assert isinstance(less.network, FixedNetwork)
-    left = np.count_nonzero(less.network.weights, axis=0)
-    assert (left <= 2048 - round(0.95 * 2048)).all()
-    assert (left < held).all()
 
 
 def test_a_bundle_spikes_as_the_host_does() -> None:

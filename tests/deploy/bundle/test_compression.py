@@ -33,6 +33,7 @@ from lava_vpr.training.measuring import expected_rates
 from lava_vpr.traverse import open_traverse
 from lava_vpr.truth.alignment import aligned_truth
 
+FAST = update(preset("fast"), {"stretch": 4, "learning": {"steps": 80, "epochs": 5}})
 INJECTED = compression.Changes(input_mode="injected")
 
 
@@ -76,8 +77,11 @@ def queries(places: int = 8, noise: float = 0.5) -> tuple[EncodedTraverse, np.nd
         lambda: trained(bits=6),
         lambda: trained(input_mode="bias"),
         lambda: train([encoded(4)], update(changed(), {"learning": {"arithmetic": "integer"}})),
+        lambda: train(
+            [encoded(8, 2048)], update(preset("fast"), {"stretch": 4, "learning": {"steps": 80, "epochs": 5}})
+        ),
     ],
-    ids=["joined", "one stretch", "two traverses", "6 bits", "bias", "integer learning"],
+    ids=["joined", "one stretch", "two traverses", "6 bits", "bias", "integer learning", "preset fast"],
 )
 def test_with_nothing_changed_the_model_is_the_same_bit_for_bit(model: Any) -> None:
     given_model = model()
