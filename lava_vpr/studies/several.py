@@ -100,8 +100,8 @@ def _spikes(model: Model, route: Route) -> Iterable[NDArray[np.int32]]:
 def _modules(spikes: Iterable[NDArray[np.int32]], responses: NDArray[Any], parts: Sequence[Any]) -> Modules:
     """Modules of so many neurons and places as each of ``parts`` has."""
     neurons, places = [part.neurons for part in parts], [part.places for part in parts]
-    numbers = np.arange(len(parts))
-    return Modules(*spikes, responses, np.repeat(numbers, neurons), np.repeat(numbers, places))
+    numbers, (counts, references, calibration) = np.arange(len(parts)), spikes
+    return Modules(counts, references, calibration, responses, np.repeat(numbers, neurons), np.repeat(numbers, places))
 
 
 def theta_of(modules: Modules, decoder: str, gamma: float) -> tuple[int, NDArray[np.bool_]]:

@@ -32,7 +32,7 @@ def test_what_decides_the_figures_is_derived_from_imports() -> None:
     """A hash of sources changes with any of these modules: tests/experiments/test_grid.py."""
     decide = set(modules_of(rows.measure))
     engine, chip = {"lava_vpr.engine.inference.fixed", "lava_vpr.training.loop"}, {"lava_vpr.deploy.cost.costs"}
-    assert {"benchmarks.results.rows", "benchmarks.nordland", "lava_vpr.recognition", *engine, *chip} <= decide
+    assert {"benchmarks.results.rows", "benchmarks.places", "lava_vpr.recognition", *engine, *chip} <= decide
     assert not {name for name in decide if name.startswith(("lava_vpr.cli", "lava_vpr.report"))}
 
 
