@@ -88,7 +88,7 @@ class _Axons(NamedTuple):
 
     Attributes:
         of_input: Of each input, to exc, int64 (inputs,).
-        of_root: Of the inhibitory root, to exc.
+        of_root: Of the inhibitory root, to exc, int64 (1,).
         of_counted: Of each excitatory neuron, to its counter, int64 (neurons,).
         of_neuron, of_leaf: Of each excitatory neuron and each leaf, to the inhibitory neuron here that listens to it,
             int64 (neurons,), (leaves,).
@@ -96,7 +96,7 @@ class _Axons(NamedTuple):
     """
 
     of_input: NDArray[np.int64]
-    of_root: int
+    of_root: NDArray[np.int64]
     of_counted: NDArray[np.int64]
     of_neuron: NDArray[np.int64]
     of_leaf: NDArray[np.int64]
@@ -121,24 +121,18 @@ def listening(network: FixedNetwork) -> tuple[NDArray[np.int64], NDArray[np.int6
 def _axons(network: FixedNetwork, core: CorePlan) -> _Axons:
     """The input axons of ``core``."""
     neurons, counted, inh, inputs = (members_of(core, name)[0] for name in POPULATIONS)
-    active = network.weights[:, neurons].any(axis=1)
-    of_input = np.where(active, np.cumsum(active) - 1, -1)
-    end = int(active.sum())
-    of_root = end if network.inhibition and neurons.size else -1
-    end += of_root >= 0
-    of_counted = np.full(network.neurons, -1)
-    of_counted[counted] = end + np.arange(counted.size)
-    end += counted.size
     # First whom the leaves listen to, leaf after leaf, or the root if it listens itself; then the leaves.
     heard, heard_leaves = (np.isin(listener, inh) for listener in listening(network))
-    of_neuron = np.where(heard, end + np.cumsum(heard) - 1, -1)
-    end += int(heard.sum())
-    of_leaf = np.where(heard_leaves, end + np.cumsum(heard_leaves) - 1, -1)
-    end += int(heard_leaves.sum())
-    of_relay = np.full(network.inputs, -1)
-    if network.relayed:
-        of_relay[inputs] = end + np.arange(inputs.size)
-    return _Axons(of_input, of_root, of_counted, of_neuron, of_leaf, of_relay)
+    present = (
+        network.weights[:, neurons].any(axis=1),
+        np.array([network.inhibition > 0 and neurons.size > 0]),
+        np.isin(np.arange(network.neurons), counted),
+        heard,
+        heard_leaves,
+        np.isin(np.arange(network.inputs), inputs if network.relayed else inputs[:0]),
+    )
+    every, ends = np.concatenate(present), np.cumsum([mask.size for mask in present])
+    return _Axons(*np.split(np.where(every, np.cumsum(every) - 1, -1), ends[:-1]))
 
 
 def _rows(plan: Plan, core: CorePlan, axons: _Axons) -> tuple[SynapseRows, list[SynapseFormat | None]]:
@@ -149,7 +143,7 @@ def _rows(plan: Plan, core: CorePlan, axons: _Axons) -> tuple[SynapseRows, list[
     index = index_bits(compartments)
     form = SynapseFormat.of_whole_numbers(plan.weight_bits, index)
     parts = [formats.rows(network.weights[active][:, neurons], compartments, core.dense_inputs[active], form)]
-    if axons.of_root >= 0:
+    if axons.of_root[0] >= 0:
         taken, exponent = lateral_synapse(network, plan.inhibition_bits)
         form = SynapseFormat(plan.inhibition_bits, index, exponent)
         parts.append(formats.rows(np.full((1, neurons.size), taken), compartments, np.zeros(1, np.bool_), form))
@@ -214,7 +208,7 @@ def _axons_out(plan: Plan, core: CorePlan, axons: Sequence[_Axons]) -> NDArray[n
     to_counters = np.stack([own.of_counted for own in axons])
     to_inh = np.full((len(axons), plan.network.inhibitory), -1)
     to_inh[:, :-1] = np.stack([own.of_leaf for own in axons])
-    to_inh[:, -1] = [own.of_root for own in axons]
+    to_inh[:, -1] = [own.of_root[0] for own in axons]
     found = []
     tables: tuple[tuple[PopulationName, NDArray[np.int64]], ...]
     tables = (("exc", to_neurons), ("exc", to_counters), ("inh", to_inh), ("inputs", to_inputs))
