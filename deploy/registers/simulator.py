@@ -18,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.registers.core_images import COUNTER_UNIT, CoreImage, HostTables
-from lava_vpr.deploy.registers.simulator_kernels import EVENTS, State, Wiring, present
+from lava_vpr.deploy.registers.simulator_kernels import State, Wiring, present
 from lava_vpr.deploy.registers.synapse_memory import stored_rows, unpack
 from lava_vpr.deploy.registers.synapses import SynapseFormat, SynapseRows, joined
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.inference.biases import bias_input_spikes, biases, start_membranes
-from lava_vpr.engine.presentations import share
 from lava_vpr.errors import ModelFileError, NetworkLimitError
 from lava_vpr.loihi import (
     CEILING_EXPONENT_OFFSET,
@@ -39,19 +38,17 @@ Cores = tuple[tuple[int, int], ...]
 
 @dataclass(frozen=True)
 class Presented:
-    """What the chips made of some presentations: spikes and events.
+    """What the chips made of some presentations.
 
     Attributes:
         counts: Spikes of each exc neuron, as the membrane of its counter holds them, int32 (n, neurons).
         exc, inh, inputs: Every spike, uint8 (n, steps, width).
-        events: `EVENTS` by name, summed, int64 (cores,) in the order of `Chips.cores`.
     """
 
     counts: NDArray[np.int32]
     exc: NDArray[np.uint8] = field(repr=False)
     inh: NDArray[np.uint8] = field(repr=False)
     inputs: NDArray[np.uint8] = field(repr=False)
-    events: dict[str, NDArray[np.int64]]
 
 
 class _Core(NamedTuple):
@@ -66,7 +63,6 @@ class _Core(NamedTuple):
     row_of: NDArray[np.int64]
     rows: SynapseRows
     value: NDArray[np.int32]
-    sparse: NDArray[np.int64]
 
 
 def _fault(where: str, what: str) -> ModelFileError:
@@ -90,7 +86,6 @@ def _read(image: CoreImage) -> _Core:
     decay_u, decay_v, refract = np.array(profiles, np.int64).reshape(-1, 3)[profile].T
     entries, row_of = stored_rows(image.synapses, image.axons_in, where)
     rows = unpack(image.synapses, entries, forms, len(image.compartments), where)
-    sparse = np.array([form is not None and form.index_bits > 0 for form in forms], np.int64)[rows.formats]
     return _Core(
         DECAY_UNITY - 1 - decay_u,
         DECAY_UNITY - decay_v,
@@ -101,7 +96,6 @@ def _read(image: CoreImage) -> _Core:
         row_of,
         rows,
         rows.currents(forms),
-        sparse,
     )
 
 
@@ -112,29 +106,21 @@ def _starts(sizes: Sequence[int] | NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _located(
     pairs: NDArray[np.int32], numbers: NDArray[np.int32], starts: NDArray[np.int64], cores: Cores
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Cores that ``pairs`` (n, 2) of chip and core name, and where ``numbers`` (n,) are in all of them, one by one."""
+) -> NDArray[np.int64]:
+    """Where ``numbers`` (n,) of the cores that ``pairs`` (n, 2) of chip and core name are in all of them."""
     index = {pair: k for k, pair in enumerate(cores)}
     named, inverse = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
-    core = np.array([index[a, b] for a, b in named.tolist()], np.int64)[inverse.reshape(-1)]
-    return core, starts[core] + numbers
+    return starts[np.array([index[a, b] for a, b in named.tolist()], np.int64)[inverse.reshape(-1)]] + numbers
 
 
-def _wire(
-    images: Sequence[CoreImage], read: Sequence[_Core], cores: Cores, positions: NDArray[np.int64] | None
-) -> Wiring:
+def _wire(images: Sequence[CoreImage], read: Sequence[_Core], cores: Cores) -> Wiring:
     """The cores and their axons as the kernel takes them; see `Chips.of`."""
     first, axons = _starts([len(i.compartments) for i in images]), _starts([len(i.axons_in) for i in images])
     sizes = [len(core.rows.formats) for core in read]
     rows = joined([core.rows for core in read])
     owner = np.repeat(np.arange(len(cores)), [len(i.axons_out) for i in images])
     out = np.concatenate([np.zeros((0, 4), np.int32), *(image.axons_out for image in images)]).astype(np.int64)
-    chips = np.array([chip for chip, _ in cores], np.int64)
-    target, axon = _located(out[:, 1:3], out[:, 3], axons, cores)
-    hops = np.zeros((len(out), 3), np.int64)
-    hops[:, 0] = chips[target] != chips[owner]
-    if positions is not None:
-        hops[:, 1:] = abs(positions[target] - positions[owner])
+    axon = _located(out[:, 1:3], out[:, 3], axons, cores)
     order = np.argsort(first[owner] + out[:, 0], kind="stable")
     row_starts = _starts(sizes)[:-1]
     return Wiring(
@@ -145,14 +131,11 @@ def _wire(
         floor=np.array([core.limits[0] for core in read], np.int64),
         ceiling=np.array([core.limits[1] for core in read], np.int64),
         out_start=_starts(np.bincount(first[owner] + out[:, 0], minlength=int(first[-1]))),
-        out_core=target[order],
         out_axon=axon[order],
-        hops=hops[order],
         row_of=np.concatenate([core.row_of + start for core, start in zip(read, row_starts, strict=True)]),
         row_start=rows.starts,
         row_target=(rows.compartments + np.repeat(first[:-1], [len(c.value) for c in read])).astype(np.int32),
         row_value=np.concatenate([core.value for core in read]),
-        row_sparse=np.concatenate([core.sparse for core in read]),
     )
 
 
@@ -183,7 +166,6 @@ class Chips:
         silent_steps: int,
         regular: bool,
         bias_input: bool,
-        positions: NDArray[np.int64] | None = None,
     ) -> Chips:
         """The chips whose cores hold ``images``.
 
@@ -194,20 +176,19 @@ class Chips:
             silent_steps: Steps without input after those.
             regular: Injected spikes are regular trains; else Poisson draws.
             bias_input: Input compartments integrate a bias; else spikes are injected, maybe into relays.
-            positions: Column and row of each core's tile (`deploy.mapping.mesh.tiles`), (cores, 2), for hops.
         Raises:
             ModelFileError: the memory of a core is not what its synapse map says it is.
         """
         cores = tuple((image.chip, image.core) for image in images)
         read = [_read(image) for image in images]
-        wiring = _wire(images, read, cores, positions)
+        wiring = _wire(images, read, cores)
         compartments = {}
         for name in ("exc", "counters", "inh", "inputs"):
             table = getattr(tables, name)
-            compartments[name] = _located(table[:, :2], table[:, 2], wiring.first, cores)[1]
+            compartments[name] = _located(table[:, :2], table[:, 2], wiring.first, cores)
         axons = _starts([len(image.axons_in) for image in images])
         way = tables.injection[np.argsort(tables.injection[:, 0], kind="stable")]
-        core, axon = _located(way[:, 1:3], way[:, 3], axons, cores)
+        axon = _located(way[:, 1:3], way[:, 3], axons, cores)
         threshold = np.concatenate([core.threshold for core in read])
         bias = np.concatenate([core.bias for core in read])
         return Chips(
@@ -215,7 +196,7 @@ class Chips:
             wiring,
             threshold,
             bias,
-            (way[:, 0].astype(np.int64), core, axon),
+            (way[:, 0].astype(np.int64), axon),
             **compartments,
             steps=steps,
             silent_steps=silent_steps,
@@ -227,17 +208,14 @@ class Chips:
         self, rates: NDArray[np.uint16], keys: NDArray[np.uint64], bias: NDArray[np.int32] | None = None
     ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]:
         """Every spike of exc, inh and inputs, uint8 (n, steps, width); see `present`."""
-        seen = self.present(rates, keys, bias=bias)
+        seen = self.present(rates, keys, bias)
         return seen.exc, seen.inh, seen.inputs
 
     def present(
         self,
         rates: NDArray[np.uint16],
         keys: NDArray[np.uint64],
-        *,
         bias: NDArray[np.int32] | None = None,
-        threads: int = 1,
-        record: bool = True,
     ) -> Presented:
         """Present images, as the host program does.
 
@@ -245,8 +223,6 @@ class Chips:
             rates: Spike probabilities in units of 2^-16, uint16 (n, inputs).
             keys: One per presentation (`lava_vpr.engine.random.presentation_keys`), uint64 (n,).
             bias: What is written to exc before each presentation, in units of v, int32 (n, neurons); None: nothing.
-            threads: Threads that share the images; the result does not depend on it.
-            record: Keep every spike; else ``exc``, ``inh`` and ``inputs`` are empty.
         Raises:
             NetworkLimitError: an accumulator overflows.
             ModelFileError: the cores do not come to rest after a presentation.
@@ -254,32 +230,22 @@ class Chips:
         n, total, inputs = len(rates), self.steps + self.silent_steps, rates.shape[1]
         counts = np.zeros((n, self.exc.size), np.int32)
         draw, written = bias_input_spikes if self.regular else draw_spikes, self._written()
-        widths, recorded = (self.exc.size, self.inh.size, inputs), n if record else 0
-        exc, inh, sent = (np.zeros((recorded, total, width), np.uint8) for width in widths)
-
-        def run(part: slice) -> NDArray[np.int64]:
-            events = np.zeros((len(self.cores), len(EVENTS)), np.int64)
-            size = self.wiring.keep_u.size
-            u, v, sums, held = np.zeros((4, size), np.int64)
-            state = State(u, v, sums, held, self.bias.copy())
-            film = np.zeros((total, size), np.uint8)
-            for q in range(part.start, part.stop):
-                film[:] = 0
-                drawn = np.zeros((total, inputs), np.bool_)
-                self._write(state, rates[q], int(keys[q]), None if bias is None else bias[q])
-                if not self.bias_input:
-                    drawn[: self.steps] = draw(rates[q], int(keys[q]), self.steps)
-                shown = self.threshold, written, self.steps, *self._sent(drawn)
-                flying, overflow = present(self.wiring, state, *shown, events, film)
-                self._check(state, q, flying, overflow)
-                counts[q] = state.v[self.counters] // COUNTER_UNIT
-                if record:
-                    exc[q], inh[q] = film[:, self.exc], film[:, self.inh]
-                    sent[q] = film[:, self.inputs] if self.bias_input else drawn
-            return events
-
-        events = np.sum([np.zeros((len(self.cores), len(EVENTS)), np.int64), *share(run, n, threads)], axis=0)
-        return Presented(counts, exc, inh, sent, dict(zip(EVENTS, events.T, strict=True)))
+        exc, inh, sent = (np.zeros((n, total, width), np.uint8) for width in (self.exc.size, self.inh.size, inputs))
+        u, v, sums, held = np.zeros((4, self.wiring.keep_u.size), np.int64)
+        state = State(u, v, sums, held, self.bias.copy())
+        for q in range(n):
+            film = np.zeros((total, self.wiring.keep_u.size), np.uint8)
+            drawn = np.zeros((total, inputs), np.bool_)
+            self._write(state, rates[q], int(keys[q]), None if bias is None else bias[q])
+            if not self.bias_input:
+                drawn[: self.steps] = draw(rates[q], int(keys[q]), self.steps)
+            shown = self.threshold, written, self.steps, *self._sent(drawn)
+            flying, overflow = present(self.wiring, state, *shown, film)
+            self._check(state, q, flying, overflow)
+            counts[q] = state.v[self.counters] // COUNTER_UNIT
+            exc[q], inh[q] = film[:, self.exc], film[:, self.inh]
+            sent[q] = film[:, self.inputs] if self.bias_input else drawn
+        return Presented(counts, exc, inh, sent)
 
     def _written(self) -> NDArray[np.int64]:
         """The input compartments that the host writes to: they integrate a bias, relays do not."""
@@ -297,15 +263,15 @@ class Chips:
             state.bias[self.inputs] = np.left_shift(*biases(rates))
             state.v[self.inputs] = start_membranes(key, len(rates))
 
-    def _sent(self, drawn: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """The input axons that ``drawn`` (steps, inputs) is injected into: the first of each step, cores and axons."""
-        source, core, axon = self.injection
+    def _sent(self, drawn: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The input axons that ``drawn`` (steps, inputs) is injected into: the first of each step, and all."""
+        source, axon = self.injection
         steps, inputs = np.nonzero(drawn)
         low, high = np.searchsorted(source, inputs), np.searchsorted(source, inputs, side="right")
         sizes = high - low
         ways = np.arange(sizes.sum()) + np.repeat(low - _starts(sizes)[:-1], sizes)
         by_step = np.bincount(steps, weights=sizes, minlength=len(drawn)).astype(np.int64)
-        return _starts(by_step), core[ways], axon[ways]
+        return _starts(by_step), axon[ways]
 
     def _name(self, i: int) -> str:
         """The name of a compartment in messages."""
