@@ -10,7 +10,7 @@ import numpy as np
 
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import integer_config
-from lava_vpr.configfile import from_dict, update
+from lava_vpr.configfile import from_dict, to_dict, update
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import InputError, LavaVprError, ModelFileError
 from lava_vpr.exchange.drawn import Drawn, digest, whole
@@ -76,16 +76,10 @@ def _from_own(path: Path, drawn: Drawn, threads: int) -> Imported:
     if unaltered:
         model = replace(assemble(path, header, kept, made.network), learned=learned)
         return Imported(model, made.notes)
-    header = {**header, "config": {**header["config"], "network": _network_settings(header, made.network)}}
+    config = update(from_dict(header["config"]), {"network": _of_weights(made.network)})
+    header = {**header, "config": to_dict(config)}
     model = assemble(path, header, kept, made.network)
     return _remeasured(model, made.notes, threads)
-
-
-def _network_settings(header: dict[str, object], network: FixedNetwork) -> object:
-    """The section ``network`` of the settings in ``header`` with the bits and sign of ``network``."""
-    config = header["config"]
-    settings = config.get("network") if isinstance(config, dict) else None
-    return {**(settings if isinstance(settings, dict) else {}), **_of_weights(network)}
 
 
 def _of_weights(network: FixedNetwork) -> dict[str, object]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lava_vpr.engine.general.lif import need
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.quantise import mantissa_of
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 
 RELAY_WEIGHT = 2
@@ -46,18 +47,30 @@ def exact_mantissa(inhibition: int) -> tuple[int, int]:
     Raises:
         NetworkLimitError: it takes more than 8 bits, or an exponent beyond 7.
     """
-    exponent = 0
-    while inhibition >> exponent > WEIGHT_LIMIT:
-        exponent += 1
-    fits = exponent <= WEIGHT_EXPONENT_LIMIT and inhibition >> exponent << exponent == inhibition
+    mantissa, exponent = mantissa_of(inhibition, WEIGHT_LIMIT)
+    fits = exponent <= WEIGHT_EXPONENT_LIMIT and mantissa << exponent == inhibition
     need(fits, "inhibition", inhibition, f"m 2^e with m in 0..{WEIGHT_LIMIT} and e in 0..{WEIGHT_EXPONENT_LIMIT}")
-    return inhibition >> exponent, exponent
+    return mantissa, exponent
 
 
-def link(source: Any, synapses: Any, target: Any) -> None:
-    """Connect the population ``source`` with ``target`` through ``synapses``; it takes one step."""
-    source.s_out.connect(synapses.s_in)
-    synapses.a_out.connect(target.a_in)
+_ARROWS = (
+    ("exc", "listen", "inh"),
+    ("inh", "gather", "inh"),
+    ("inh", "inhibit", "exc"),
+    ("exc", "echo", "own"),
+    ("own", "give_back", "exc"),
+)
+"""Populations, and the synapses by which one reaches another; each takes one step."""
+
+_VARS = (
+    ("weights", "excite", "weights"),
+    ("u", "exc", "u"),
+    ("v", "exc", "v"),
+    ("vth", "exc", "vth"),
+    ("v_inh", "inh", "v"),
+    ("lateral_weights", "inhibit", "weights"),
+)
+"""Vars of a network, and the parts and their Vars that these are."""
 
 
 def wire(proc: Any, parts: Any) -> None:
@@ -78,18 +91,11 @@ def wire(proc: Any, parts: Any) -> None:
         parts.relays.s_out.connect(parts.excite.s_in)
     proc.s_in.connect(entrance.s_in)
     parts.excite.a_out.connect(parts.exc.a_in)
-    link(parts.exc, parts.listen, parts.inh)
-    if hasattr(parts, "gather"):
-        link(parts.inh, parts.gather, parts.inh)
-    link(parts.inh, parts.inhibit, parts.exc)
-    if hasattr(parts, "own"):
-        link(parts.exc, parts.echo, parts.own)
-        link(parts.own, parts.give_back, parts.exc)
+    for source, synapses, target in _ARROWS:
+        if hasattr(parts, synapses):
+            getattr(parts, source).s_out.connect(getattr(parts, synapses).s_in)
+            getattr(parts, synapses).a_out.connect(getattr(parts, target).a_in)
     parts.exc.s_out.connect(proc.s_out)
     parts.inh.s_out.connect(proc.s_out_inh)
-    proc.vars.weights.alias(parts.excite.weights)
-    proc.vars.u.alias(parts.exc.u)
-    proc.vars.v.alias(parts.exc.v)
-    proc.vars.vth.alias(parts.exc.vth)
-    proc.vars.v_inh.alias(parts.inh.v)
-    proc.vars.lateral_weights.alias(parts.inhibit.weights)
+    for name, part, var in _VARS:
+        getattr(proc.vars, name).alias(getattr(getattr(parts, part), var))

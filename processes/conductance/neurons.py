@@ -6,7 +6,7 @@ Not in their Process's folder: Lava executes what lies there, where no dataclass
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from lava_vpr.errors import NetworkLimitError
 
@@ -44,16 +44,14 @@ class ConductanceNeuron:
     theta_decay: float = 0.0
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
+        shares = ("leak", "ge_decay", "gi_decay", "theta_decay")
+        for name, value in vars(self).items():
             if not math.isfinite(value):
-                raise NetworkLimitError(f"ConductanceLIF: {item.name} is {value}, but must be finite; set a number")
-        for name in ("leak", "ge_decay", "gi_decay", "theta_decay"):
-            if not 0 <= getattr(self, name) < 1:
+                raise NetworkLimitError(f"ConductanceLIF: {name} is {value}, but must be finite; set a number")
+            if name in shares and not 0 <= value < 1:
                 raise NetworkLimitError(
-                    f"ConductanceLIF: {name} is {getattr(self, name)}, but Euler's method needs [0, 1); "
-                    "shorten the step or lengthen the time constant"
+                    f"ConductanceLIF: {name} is {value}, but Euler's method needs [0, 1); shorten the step or lengthen "
+                    "the time constant"
                 )
-        for name in ("freeze", "refractory", "g_inh", "theta_plus"):
-            if getattr(self, name) < 0:
-                raise NetworkLimitError(f"ConductanceLIF: {name} is {getattr(self, name)}, but must be at least 0")
+            if name in ("freeze", "refractory", "g_inh", "theta_plus") and value < 0:
+                raise NetworkLimitError(f"ConductanceLIF: {name} is {value}, but must be at least 0")

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
-from lava_vpr.engine.inference.biases import biases, schedule
+from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork
 from lava_vpr.isolated import memory
 from lava_vpr.isolated.worker import report
@@ -231,11 +231,8 @@ def input_spikes(rates: NDArray[np.uint16], keys: NDArray[np.uint64], steps: int
 
     For input compartments on a board, whose spikes do not leave it.
     """
-    total = np.zeros(rates.shape[1], np.int64)
-    for image_rates, key in zip(rates, keys, strict=True):
-        _, members = schedule(np.left_shift(*biases(image_rates)), key, steps)
-        total += np.bincount(members, minlength=len(total))
-    return total
+    sent = (bias_input_spikes(shown, int(key), steps).sum(axis=0) for shown, key in zip(rates, keys, strict=True))
+    return sum(sent, np.zeros(rates.shape[1], np.int64))
 
 
 def _source(

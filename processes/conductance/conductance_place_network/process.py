@@ -132,14 +132,17 @@ class SubConductancePlaceNetwork(AbstractSubProcessModel):
         self.relay = OneToOne(shape=(neurons,), weight=EXC_TO_INH)
         self.inh = ConductanceLIF(shape=(neurons,), neuron=inhibitory_neuron(c), interval=total)
         self.others = LateralInhibition(shape=(neurons,), inhibition=1.0)  # minus the number that spiked
-        proc.in_ports.s_in.connect(self.excite.in_ports.s_in)
-        self.excite.out_ports.a_out.connect(self.exc.in_ports.g_e_in)
-        self.exc.out_ports.s_out.connect(self.relay.in_ports.s_in)
-        self.relay.out_ports.a_out.connect(self.inh.in_ports.g_e_in)
-        self.inh.out_ports.s_out.connect(self.others.in_ports.s_in)
-        self.others.out_ports.a_out.connect(self.exc.in_ports.g_i_in)
-        self.exc.out_ports.s_out.connect(proc.out_ports.s_out)
-        self.inh.out_ports.s_out.connect(proc.out_ports.s_out_inh)
+        for source, target in (
+            (proc.in_ports.s_in, self.excite.in_ports.s_in),
+            (self.excite.out_ports.a_out, self.exc.in_ports.g_e_in),
+            (self.exc.out_ports.s_out, self.relay.in_ports.s_in),
+            (self.relay.out_ports.a_out, self.inh.in_ports.g_e_in),
+            (self.inh.out_ports.s_out, self.others.in_ports.s_in),
+            (self.others.out_ports.a_out, self.exc.in_ports.g_i_in),
+            (self.exc.out_ports.s_out, proc.out_ports.s_out),
+            (self.inh.out_ports.s_out, proc.out_ports.s_out_inh),
+        ):
+            source.connect(target)
         if learn:
             self.exc.out_ports.s_out.connect(self.excite.in_ports.post_in)
         for name in ("v", "ge", "gi", "theta"):
