@@ -30,8 +30,7 @@ from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.processes.base.checked import FIXED_TAG
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.encoders.process import RegularEncoder
-from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
-from lava_vpr.processes.networks.place_network.process import PlaceNetwork
+from lava_vpr.processes.networks.process import FusedPlaceNetwork, PlaceNetwork
 
 ROUNDS = 9
 BATCH, BATCHES = 64, 40

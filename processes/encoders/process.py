@@ -9,10 +9,9 @@ import numpy as np
 from lava.proc.lif.process import LIF
 from numpy.typing import NDArray
 
-from lava_vpr.encoding import draw_spikes, rates16
+from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.draw import LANES, draw_block, prepare_draws, scratch
 from lava_vpr.engine.inference.biases import LEVEL, THRESHOLD, biases, schedule, start_membranes
-from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, INPUT_SHIFT, NO_MEMORY_DECAY
 from lava_vpr.processes.base.checked import RegisterVar, require
@@ -39,29 +38,6 @@ class PoissonEncoder(EncoderProcess):
 
     Arguments, port and Var as `lava_vpr.processes.base.encoders.EncoderProcess`.
     """
-
-    @classmethod
-    def of_activity(
-        cls,
-        activity: NDArray[np.float32],
-        *,
-        spikes_per_step: float,
-        seed: int,
-        role: str,
-        steps: int,
-        **kwargs: Any,
-    ) -> PoissonEncoder:
-        """An encoder of images from the responses of their input channels.
-
-        Args:
-            activity: float32 (n, inputs), as `lava_vpr.encoding.EncodedTraverse.activity`.
-            spikes_per_step: Expected spikes of all inputs together in one step.
-            seed, role: What random numbers depend on beside the rates (`lava_vpr.engine.random.presentation_key`).
-            steps: Steps with input.
-            **kwargs: As the constructor's.
-        """
-        rates = rates16(activity, spikes_per_step)
-        return cls(rates=rates, keys=presentation_keys(seed, role, image_keys(rates)), steps=steps, **kwargs)
 
     def compile_kernels(self) -> None:
         """Compile the drawing kernels before the models are forked."""

@@ -37,8 +37,7 @@ from lava_vpr.processes.base.magma import (
 )
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.encoders.process import BiasInputs, PoissonEncoder, RegularEncoder
-from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
-from lava_vpr.processes.networks.place_network.process import PlaceNetwork
+from lava_vpr.processes.networks.process import FusedPlaceNetwork, PlaceNetwork
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 REPORT_SECONDS = 0.5

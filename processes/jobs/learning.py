@@ -16,7 +16,7 @@ from lava_vpr.isolated.worker import report
 from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.encoders.process import PoissonEncoder, RegularEncoder
-from lava_vpr.processes.networks.learning_place_network.process import LearningPlaceNetwork
+from lava_vpr.processes.networks.process import LearningPlaceNetwork
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 LEARNING, LIBRARY, FOLDED = (f"lava_vpr.processes.jobs.learning:{name}" for name in ("learning", "library", "folded"))

@@ -24,9 +24,10 @@ from lava_vpr.engine.conductance.model import (
 from lava_vpr.engine.random import presentation_key, presentation_keys
 from lava_vpr.errors import ConfigError, LavaVprError, NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
-from lava_vpr.processes.conductance.conductance_lif.process import ConductanceLIF, PyConductanceLIFFloat
 from lava_vpr.processes.conductance.conductance_place_network.process import (
+    ConductanceLIF,
     ConductancePlaceNetwork,
+    PyConductanceLIFFloat,
     excitatory_neuron,
     inhibitory_neuron,
 )

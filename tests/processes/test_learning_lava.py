@@ -21,7 +21,7 @@ from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.processes.jobs.learning import LEARNING, LIBRARY, options_of
-from lava_vpr.processes.networks.learning_place_network.process import LearningPlaceNetwork
+from lava_vpr.processes.networks.process import LearningPlaceNetwork
 from lava_vpr.processes.plastic_dense.process import FloatRule, PlasticDense
 
 pytestmark = pytest.mark.lava

@@ -14,8 +14,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.processes.encoders.process import PoissonEncoder, RegularEncoder
 from lava_vpr.processes.lif.process import ExcitatoryLIF, InhibitoryLIF, PyExcitatoryLIFFixed, PyExcitatoryLIFFloat
-from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
-from lava_vpr.processes.networks.place_network.process import PlaceNetwork
+from lava_vpr.processes.networks.process import FusedPlaceNetwork, PlaceNetwork
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 from lava_vpr.processes.synapses.process import (
     DenseSynapses,

@@ -17,8 +17,8 @@ from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 from support.lava.model_harness import build, drive
 
-from lava_vpr.encoding import draw_trains, rates16
-from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.encoding import draw_trains
+from lava_vpr.engine.random import presentation_keys
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.encoders.process import (
     FinePoissonEncoder,
@@ -205,17 +205,6 @@ def test_an_encoder_sends_the_spikes_of_its_trains_then_nothing(
     assert sent.any()
     assert np.array_equal(emitted, sent.sum(axis=(0, 1)))
     assert np.array_equal(model.emitted, emitted)
-
-
-def test_an_encoder_of_images() -> None:
-    activity = np.random.default_rng(0).random((2, 9)).astype(np.float32)
-    encoder = PoissonEncoder.of_activity(
-        activity, spikes_per_step=3.0, seed=5, role="response", steps=8, silent_steps=1
-    )
-    rates = rates16(activity, 3.0)
-    assert np.array_equal(encoder.proc_params["rates"], rates)
-    assert np.array_equal(encoder.proc_params["keys"], presentation_keys(5, "response", image_keys(rates)))
-    assert encoder.proc_params["interval"] == 9
 
 
 def test_the_counter_counts_and_records() -> None:

@@ -29,7 +29,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibito
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.processes.lif.process import ExcitatoryLIF, PyExcitatoryLIFFixed
-from lava_vpr.processes.networks.fused_place_network.process import EVENTS, FusedPlaceNetwork, PyFusedPlaceNetworkFixed
+from lava_vpr.processes.networks.process import EVENTS, FusedPlaceNetwork, PyFusedPlaceNetworkFixed
 
 pytestmark = pytest.mark.lava
 

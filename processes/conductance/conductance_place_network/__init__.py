@@ -1,3 +1,3 @@
-"""VPRSNN's conductance-based network, composed of Processes."""
+"""VPRSNN's network of two conductance-based populations, as one hierarchical Process, and its populations."""
 
-PROCESSES = ("ConductancePlaceNetwork",)
+PROCESSES = ("ConductanceLIF", "ConductancePlaceNetwork")

@@ -33,8 +33,7 @@ from support.fuzz.fuzz_networks import (
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.encoders.process import PoissonEncoder, RegularEncoder
 from lava_vpr.processes.lif.process import ExcitatoryLIF
-from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
-from lava_vpr.processes.networks.place_network.process import PlaceNetwork
+from lava_vpr.processes.networks.process import FusedPlaceNetwork, PlaceNetwork
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 from lava_vpr.processes.synapses.process import DenseSynapses
 

@@ -22,7 +22,7 @@ from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
 from lava_vpr.processes.encoders.process import BiasInputs, PoissonEncoder
 from lava_vpr.processes.jobs import inference as jobs
 from lava_vpr.processes.lif.process import ExcitatoryLIF
-from lava_vpr.processes.networks.place_network.process import PlaceNetwork
+from lava_vpr.processes.networks.process import PlaceNetwork
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 from lava_vpr.processes.synapses.process import DenseSynapses
 

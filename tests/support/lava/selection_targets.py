@@ -22,9 +22,7 @@ from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.encoders.process import BiasInputs, PoissonEncoder, RegularEncoder
 from lava_vpr.processes.jobs import inference as jobs
 from lava_vpr.processes.lif.process import ExcitatoryLIF, InhibitoryLIF
-from lava_vpr.processes.networks.fused_place_network.process import FusedPlaceNetwork
-from lava_vpr.processes.networks.learning_place_network.process import LearningPlaceNetwork
-from lava_vpr.processes.networks.place_network.process import PlaceNetwork
+from lava_vpr.processes.networks.process import FusedPlaceNetwork, LearningPlaceNetwork, PlaceNetwork
 from lava_vpr.processes.plastic_dense.process import PlasticDense
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 from lava_vpr.processes.synapses.process import DenseSynapses, OneToOne

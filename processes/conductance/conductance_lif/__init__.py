@@ -1,3 +1,0 @@
-"""A population of conductance-based neurons."""
-
-PROCESSES = ("ConductanceLIF",)

@@ -1,3 +1,0 @@
-"""The whole network as one fast Process."""
-
-PROCESSES = ("FusedPlaceNetwork",)

@@ -1,3 +1,0 @@
-"""The network that learns places, of our own Processes."""
-
-PROCESSES = ("LearningPlaceNetwork",)

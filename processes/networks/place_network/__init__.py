@@ -1,3 +1,0 @@
-"""The whole network of our own Processes."""
-
-PROCESSES = ("PlaceNetwork",)
