@@ -52,13 +52,17 @@ class Presented:
 
 
 class _Core(NamedTuple):
-    """Registers of a core, one value a compartment (``limits`` of membranes: for all), and its input axons' rows."""
+    """Registers of a core, and its input axons' rows.
 
-    keep_u: NDArray[np.int64]
-    keep_v: NDArray[np.int64]
-    refract: NDArray[np.int64]
-    threshold: NDArray[np.int64]
-    bias: NDArray[np.int64]
+    Attributes:
+        table: What stays of u and v in a step, refractory steps, threshold and bias, int64 (5, compartments).
+        limits: Of membranes.
+        row_of: The row of each input axon.
+        rows: The rows.
+        value: What each synapse brings its compartment.
+    """
+
+    table: NDArray[np.int64]
     limits: tuple[int, int]
     row_of: NDArray[np.int64]
     rows: SynapseRows
@@ -87,11 +91,15 @@ def _read(image: CoreImage) -> _Core:
     entries, row_of = stored_rows(image.synapses, image.axons_in, where)
     rows = unpack(image.synapses, entries, forms, len(image.compartments), where)
     return _Core(
-        DECAY_UNITY - 1 - decay_u,
-        DECAY_UNITY - decay_v,
-        refract,
-        vth[register] << INPUT_SHIFT,
-        mantissa << exponent,
+        np.stack(
+            [
+                DECAY_UNITY - 1 - decay_u,
+                DECAY_UNITY - decay_v,
+                refract,
+                vth[register] << INPUT_SHIFT,
+                mantissa << exponent,
+            ]
+        ),
         (1 - (1 << floor), (1 << CEILING_EXPONENT_OFFSET + CEILING_EXPONENT_STEP * ceiling) - 1),
         row_of,
         rows,
@@ -113,7 +121,7 @@ def _located(
     return starts[np.array([index[a, b] for a, b in named.tolist()], np.int64)[inverse.reshape(-1)]] + numbers
 
 
-def _wire(images: Sequence[CoreImage], read: Sequence[_Core], cores: Cores) -> Wiring:
+def _wire(images: Sequence[CoreImage], read: Sequence[_Core], table: NDArray[np.int64], cores: Cores) -> Wiring:
     """The cores and their axons as the kernel takes them; see `Chips.of`."""
     first, axons = _starts([len(i.compartments) for i in images]), _starts([len(i.axons_in) for i in images])
     sizes = [len(core.rows.formats) for core in read]
@@ -125,9 +133,9 @@ def _wire(images: Sequence[CoreImage], read: Sequence[_Core], cores: Cores) -> W
     row_starts = _starts(sizes)[:-1]
     return Wiring(
         first=first,
-        keep_u=np.concatenate([core.keep_u for core in read]),
-        keep_v=np.concatenate([core.keep_v for core in read]),
-        refract=np.concatenate([core.refract for core in read]),
+        keep_u=table[0],
+        keep_v=table[1],
+        refract=table[2],
         floor=np.array([core.limits[0] for core in read], np.int64),
         ceiling=np.array([core.limits[1] for core in read], np.int64),
         out_start=_starts(np.bincount(first[owner] + out[:, 0], minlength=int(first[-1]))),
@@ -181,23 +189,19 @@ class Chips:
         """
         cores = tuple((image.chip, image.core) for image in images)
         read = [_read(image) for image in images]
-        wiring = _wire(images, read, cores)
-        compartments = {}
-        for name in ("exc", "counters", "inh", "inputs"):
-            table = getattr(tables, name)
-            compartments[name] = _located(table[:, :2], table[:, 2], wiring.first, cores)
+        table = np.concatenate([core.table for core in read], axis=1)
+        wiring = _wire(images, read, table, cores)
+        places = {name: getattr(tables, name) for name in ("exc", "counters", "inh", "inputs")}
         axons = _starts([len(image.axons_in) for image in images])
         way = tables.injection[np.argsort(tables.injection[:, 0], kind="stable")]
         axon = _located(way[:, 1:3], way[:, 3], axons, cores)
-        threshold = np.concatenate([core.threshold for core in read])
-        bias = np.concatenate([core.bias for core in read])
         return Chips(
             cores,
             wiring,
-            threshold,
-            bias,
+            table[3],
+            table[4],
             (way[:, 0].astype(np.int64), axon),
-            **compartments,
+            **{name: _located(at[:, :2], at[:, 2], wiring.first, cores) for name, at in places.items()},
             steps=steps,
             silent_steps=silent_steps,
             regular=regular,
