@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -46,13 +45,6 @@ def some_rates(n: int, inputs: int) -> NDArray[np.uint16]:
     return rates.astype(np.uint16)
 
 
-@pytest.mark.parametrize("steps", [1, 50, 300])
-def test_a_job_counts_the_spikes_of_the_definition(steps: int) -> None:
-    rates, keys = some_rates(4, 30), presentation_keys(5, "query", np.arange(4))
-    expected = sum(bias_input_spikes(r, int(k), steps).sum(axis=0) for r, k in zip(rates, keys, strict=True))
-    assert np.array_equal(input_spikes(rates, keys, steps), expected)
-
-
 @pytest.mark.parametrize("kind", MODELS)
 def test_the_process_sends_the_definition(kind: str) -> None:
     rates, keys, steps = some_rates(5, 60), presentation_keys(0, "query", np.arange(5)), 40
@@ -87,25 +79,6 @@ def test_a_new_bias_counts_at_once() -> None:
     for var, value in (("v", STATE_LIMIT), ("bias_mant", 4096), ("bias_mant", -1), ("bias_exp", 8)):
         with pytest.raises(NetworkLimitError, match=rf"^{var} is {value}, but must be a whole number in .*\.\."):
             getattr(process, var).check(np.array([0, value]))
-
-
-@pytest.mark.parametrize(
-    ("changes", "text"),
-    [
-        ({"rates": np.ones((2, 3))}, r"^BiasInputs: rates are float64 \(2, 3\), but must be uint16 \(n, inputs\) in "),
-        ({"rates": np.ones((2, 0), np.uint16)}, r"^BiasInputs: rates are uint16 \(2, 0\), but must be"),
-        ({"keys": np.ones(3, np.uint64)}, r"^BiasInputs: keys are uint64 \(3,\), but must be uint64 \(2,\), one for"),
-        ({"keys": np.ones(2, int)}, r"^BiasInputs: keys are int64 \(2,\), but .*; use lava_vpr.engine.random"),
-        ({"steps": 0}, "^BiasInputs: 0 steps and 3 silent ones, but at least 1 and 0 are needed"),
-        ({"steps": 2.5}, "^BiasInputs: 2.5 steps and 3 silent ones"),
-        ({"silent_steps": -1}, "^BiasInputs: 4 steps and -1 silent ones"),
-        ({"emitted": np.zeros(3)}, r"^BiasInputs: emitted is float64 \(3,\), but must be int64 \(3,\); make it with"),
-    ],
-)
-def test_what_is_no_input_is_refused(changes: dict[str, Any], text: str) -> None:
-    fine = {"rates": np.ones((2, 3), np.uint16), "keys": np.ones(2, np.uint64), "steps": 4, "silent_steps": 3}
-    with pytest.raises(NetworkLimitError, match=text):
-        BiasInputs(**fine | changes)
 
 
 @pytest.mark.parametrize("silent_steps", [3, 4])

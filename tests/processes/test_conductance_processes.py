@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from support.lava.model_harness import build, drive
 
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import to_dict
@@ -137,38 +138,20 @@ def test_a_presentation_at_full_size_equals_the_host_engine() -> None:
     assert counts.sum() > 10
 
 
-class Wire:
-    """Stands for both ends of a port: gives the arrays of ``given`` in turn, keeps what is sent."""
-
-    def __init__(self, given: Any = ()) -> None:
-        self.given, self.sent = list(given), []
-
-    def recv(self) -> NDArray[Any]:
-        return self.given.pop(0)
-
-    def send(self, data: NDArray[Any]) -> None:
-        self.sent.append(data.copy())
-
-
-def run_model(model: Any, steps: int) -> None:
-    for _ in range(steps):
-        model.time_step += 1
-        model.run_spk()
-
-
 def alone(
     neuron: ConductanceNeuron, excited: list[float], inhibited: list[int], gi: NDArray[np.float64] | None = None
-) -> PyConductanceLIFFloat:
-    """Neurons without Lava, one for each of ``gi`` (default: one at rest), after what arrives in each step."""
-    model = PyConductanceLIFFloat({"neuron": neuron, "interval": 0})
-    model.gi = np.zeros(1) if gi is None else gi.copy()
-    model.v, model.ge, model.theta = (np.full(len(model.gi), x) for x in (neuron.rest, 0.0, THETA))
-    model.since_spike = np.full(len(model.gi), 1 << 40)
-    model.g_e_in = Wire(np.full(len(model.gi), x) for x in excited)
-    model.g_i_in = Wire(np.full(len(model.gi), -float(k)) for k in inhibited)
-    model.s_out = Wire()
-    run_model(model, len(excited))
-    return model
+) -> tuple[PyConductanceLIFFloat, NDArray[np.bool_]]:
+    """Neurons without Lava, one for each of ``gi`` (default: one at rest), after what arrives in each step; spikes."""
+    conductance = np.zeros(1) if gi is None else gi
+    model = build(ConductanceLIF(shape=conductance.shape, neuron=neuron, theta=THETA), PyConductanceLIFFloat)
+    model.gi[:] = conductance
+    fired = np.zeros((len(excited), *conductance.shape), bool)
+    for step, (more, spikes) in enumerate(zip(excited, inhibited, strict=True)):
+        model.time_step = step + 1
+        model.g_e_in.waiting, model.g_i_in.waiting = np.full_like(conductance, more), np.full_like(conductance, -spikes)
+        model.run_spk()
+        fired[step] = model.s_out.sent
+    return model, fired
 
 
 THETA = 9.0
@@ -182,7 +165,7 @@ def test_a_neuron_equals_its_equations_one_event_after_another(seed: int, streng
     excited = list(rng.uniform(0.0, strength, 120))
     inhibited = list(rng.integers(2, 6, 120) * (rng.random(120) < others))
     neuron = replace(NEURON, freeze=4, refractory=9)
-    model = alone(neuron, excited, inhibited)
+    model, fired = alone(neuron, excited, inhibited)
     v, ge, gi, theta, since, spikes = -65.0, 0.0, 0.0, THETA, 1 << 40, []
     for step in range(120):
         ge += excited[step]
@@ -198,7 +181,7 @@ def test_a_neuron_equals_its_equations_one_event_after_another(seed: int, streng
             v, since = -65.0, 0
             theta += 0.05
             spikes.append(step)
-    assert [step for step, sent in enumerate(model.s_out.sent) if sent[0]] == spikes
+    assert np.flatnonzero(fired).tolist() == spikes
     assert (model.v[0], model.ge[0], model.gi[0], model.theta[0]) == (v, ge, gi, theta)
     assert others > 0.0 or len(spikes) > 2
 
@@ -207,23 +190,22 @@ def test_spikes_that_inhibit_together_are_added_one_by_one() -> None:
     gi = np.random.default_rng(0).uniform(0.0, 17.0, 400)
     one_by_one, grouped = (gi + 17.0) + 17.0, gi + 34.0
     assert (one_by_one != grouped).any(), "otherwise this tests nothing"
-    model = alone(replace(NEURON, gi_decay=0.0), [0.0], [2], gi)
+    model, _ = alone(replace(NEURON, gi_decay=0.0), [0.0], [2], gi)
     np.testing.assert_array_equal(model.gi, one_by_one)
 
 
 def test_a_neuron_holds_after_a_spike_and_its_theta_grows() -> None:
     neuron = replace(NEURON, freeze=4, refractory=9, theta_decay=0.0)
-    model = alone(neuron, [50.0] * 40, [0] * 40)
-    fired = np.flatnonzero(np.concatenate(model.s_out.sent))
-    assert len(fired) > 2
-    assert (np.diff(fired) == 9).all()
-    assert model.theta[0] == pytest.approx(THETA + 0.05 * len(fired))
+    model, fired = alone(neuron, [50.0] * 40, [0] * 40)
+    assert fired.sum() > 2
+    assert (np.diff(np.flatnonzero(fired)) == 9).all()
+    assert model.theta[0] == pytest.approx(THETA + 0.05 * fired.sum())
 
 
 def test_inhibition_keeps_a_neuron_silent() -> None:
-    free = alone(NEURON, [2.0] * 60, [0] * 60)
-    held = alone(NEURON, [2.0] * 60, [1] * 60)
-    assert np.concatenate(free.s_out.sent).sum() > np.concatenate(held.s_out.sent).sum() == 0
+    free, held = (alone(NEURON, [2.0] * 60, [k] * 60)[1] for k in (0, 1))
+    assert free.any()
+    assert not held.any()
 
 
 @settings(deadline=None, max_examples=15, derandomize=True)
@@ -232,16 +214,14 @@ def test_delays_are_those_of_a_literal_version(seed: int, longest: int, interval
     rng = np.random.default_rng(seed)
     weights, delays = rng.random((3, 4)), rng.integers(0, longest + 1, (3, 4))
     spikes = rng.random((2 * interval, 4)) < 0.4
-    model = PyDelayedDenseFloat({"delays": delays, "interval": interval})
-    model.weights, model.s_in, model.a_out = weights, Wire(spikes), Wire()
-    run_model(model, len(spikes))
+    model = build(DelayedDense(weights=weights, delays=delays, interval=interval), PyDelayedDenseFloat)
     want = np.zeros((2 * interval + longest + 2, 3))
     for step, source in np.argwhere(spikes):
         for i in range(3):
             arrival = step + delays[i, source] + 1
             if arrival < (step // interval + 1) * interval:  # what is on its way when a presentation begins is lost
                 want[arrival, i] += weights[i, source]
-    np.testing.assert_array_equal(model.a_out.sent, want[: 2 * interval])
+    np.testing.assert_array_equal(drive(model, spikes, "s_in", "a_out"), want[: 2 * interval])
 
 
 def constants_of(total: int) -> Constants:
@@ -308,9 +288,8 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize("case", range(len(REFUSED)))
-def test_what_is_out_of_range_is_refused(case: int) -> None:
-    make, error, text = REFUSED[case]
+@pytest.mark.parametrize(("make", "error", "text"), REFUSED)
+def test_what_is_out_of_range_is_refused(make: Any, error: type[LavaVprError], text: str) -> None:
     with pytest.raises(error) as caught:
         make()
     assert text in str(caught.value)

@@ -96,6 +96,13 @@ REFUSED: list[tuple[Any, dict[str, Any], str]] = [
     (OneToOne, {"shape": (3,), "weight": 1, "weight_exp": 8}, "weight_exp is 8, but must be in 0..7"),
     (LateralInhibition, {"shape": (3,), "inhibition": -1}, "inhibition is -1, but must be at least 0"),
     (encoder, {"rates": np.ones((2, 3))}, "rates are float64 (2, 3), but must be uint16 (n, inputs)"),
+    (encoder, {"rates": np.ones((2, 0), np.uint16)}, "PoissonEncoder: rates are uint16 (2, 0), but must be"),
+    (
+        encoder,
+        {"keys": np.ones(2, int)},
+        "keys are int64 (2,), but must be uint64 (2,), one for each row of rates",
+    ),
+    (encoder, {"silent_steps": -1}, "4 steps and -1 silent ones"),
     (encoder, {"keys": np.ones(3, np.uint64)}, "keys are uint64 (3,), but must be uint64 (2,)"),
     (encoder, {"steps": 0}, "0 steps and 3 silent ones, but at least 1 and 0 are needed"),
     (regular, {"steps": 2.5}, "RegularEncoder: 2.5 steps and 3 silent ones, but at least 1 and 0 are needed"),
