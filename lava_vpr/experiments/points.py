@@ -19,7 +19,6 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, integer_config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.boards.constants import CostConstants
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.compression.compression import requantised
@@ -150,21 +149,16 @@ def run_of(case: Case, settings: Settings, board: Board, threads: int) -> Run:
     return Run(model, plan_of(model, board), trains, case.truth)
 
 
-def constants_of(board: Board) -> CostConstants:
-    """The energies and times that a search goes by.
+def figures(run: Run, margins: Sequence[float]) -> list[Measurement]:
+    """Recall and modelled costs of the queries of ``run``, stopped early by each of ``margins`` (inf: not at all).
 
     Raises:
-        ConfigError: none are public for ``board``.
+        ConfigError: no energies and times are public for the board.
     """
-    if board.constants is None:
-        raise ConfigError(f"no energy or time of {board.title} is public; search on another board")
-    return board.constants
-
-
-def figures(run: Run, margins: Sequence[float]) -> list[Measurement]:
-    """Recall and modelled costs of the queries of ``run``, stopped early by each of ``margins`` (inf: not at all)."""
+    constants = run.plan.board.constants
+    if constants is None:
+        raise ConfigError(f"no energy or time of {run.plan.board.title} is public; search on another board")
     events = count_events(run.plan, run.trains)
-    constants = constants_of(run.plan.board)
     energy = np.cumsum(np.sum(list(step_picojoules(events, constants, "nominal").values()), axis=0), axis=1) / 1e6
     time = np.cumsum(all_microseconds(run.plan, events, constants, "nominal"), axis=1) / 1e3
     outside_microjoules, outside_milliseconds = outside_steps(run.plan, constants)

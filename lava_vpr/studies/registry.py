@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from itertools import product
+from itertools import compress, product
 
 from lava_vpr.config import Config, integer_config
 from lava_vpr.configfile import update
@@ -92,20 +92,12 @@ def measure_requantised(route: Route, task: StudyTask) -> list[Outcome]:
     return [point.outcome(task.seed, measure(one, route, whole=task.first)) for point, one in made]
 
 
-WEIGHTING_STEPS = ("a", "b", "c")
-"""Involvement, strength and penalty, as `equations.weighted` takes them."""
 BESIDE = ("standard", "contrast")
 """Decoders that stand beside the combinations."""
-
-
-def _combination(steps: tuple[bool, ...]) -> str:
-    """What a table calls a combination of steps."""
-    used = [step for step, on in zip(WEIGHTING_STEPS, steps, strict=True) if on]
-    return " + ".join(used) or "none"
-
-
-COMBINATIONS = {_combination(steps): steps for steps in sorted(product((True, False), repeat=3), key=sum)}
-"""Which of the three steps each combination takes, by its name: fewest first."""
+COMBINATIONS = {
+    " + ".join(compress("abc", steps)) or "none": steps for steps in sorted(product((True, False), repeat=3), key=sum)
+}
+"""Which of involvement (a), strength (b) and penalty (c) each combination takes, by its name: fewest first."""
 
 
 def weighting_points(asked: StudyRequest, config: Config) -> list[list[Point]]:

@@ -95,10 +95,6 @@ class Study:
     costed: bool = False
 
 
-CALLED = "models"
-"""What tasks are called, for people: each learns a model, and asks it all that is asked of it."""
-
-
 @dataclass(frozen=True)
 class Studied:
     """What a study found.
@@ -144,7 +140,7 @@ def run(
             the cluster was lost.
     """
     tasks, shared = planned(study, asked), (asked.route, study.measure)
-    found = compute(measured, tasks, shared=shared, called=CALLED, pool=pool, advance=advance)
+    found = compute(measured, tasks, shared=shared, called="models", pool=pool, advance=advance)
     return Studied(study, asked, rows(outcome for some in found.values() for outcome in some), command)
 
 

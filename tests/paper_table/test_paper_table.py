@@ -225,7 +225,6 @@ def test_what_is_kept_is_taken_for_the_same_images_settings_and_program_alone(
     assert kept_in(folder / "kept").key(first) != keys[0]
     assert kept_in(folder / "kept").key(second) == keys[1]
     path = kept.file(first)
-    assert path is not None
     beyond = json.dumps({"fingerprint": keys[0], "figures": {"fast": dict.fromkeys(FIGURES, 2)}})
     for text in ("", "[]", "{", '{"fingerprint": "x"}', beyond):
         path.write_text(text)

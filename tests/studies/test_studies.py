@@ -141,8 +141,6 @@ def test_bits_and_steps_quantise_anew_what_was_learned_once() -> None:
     ):
         assert row(name, point).figures[NETWORK]["auc"].by_seed[3] == auc_of(made, place)
     cheap, dear = costs(row("steps", "64")), costs(row("steps", "128"))
-    assert cheap is not None
-    assert dear is not None
     assert cheap.milliseconds < dear.milliseconds
     assert cheap.microjoules < dear.microjoules
 
@@ -212,8 +210,6 @@ def test_an_ensemble_adds_up_its_members() -> None:
         figures = evaluate(scores, confidence("contrast", scores), place.truth)
         assert row("ensemble", label).figures[NETWORK]["auc"].by_seed[3] == figures.auc
     one, two = costs(row("ensemble", "1 member")), costs(row("ensemble", "2 members, other seeds"))
-    assert one is not None
-    assert two is not None
     assert two.microjoules > 1.5 * one.microjoules
 
 
@@ -314,7 +310,6 @@ def test_on_a_phone_nothing_sticks_out_and_words_can_be_read(name: str, tmp_path
     seen = on_phone(page(found(name)), tmp_path)
     assert seen.wide <= PHONE
     assert seen.said == STUDIES[name].title
-    assert seen.smallest is not None
     assert seen.smallest >= 7
 
 

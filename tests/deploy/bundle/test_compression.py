@@ -250,7 +250,6 @@ def test_pruned_and_with_another_way_of_input() -> None:
     assert result.model.network.bias_input
     assert result.model.config.network.input_mode == "bias"
     values = result.as_json()
-    assert values is not None
     assert values["weight_bits"] == {"before": 3, "after": 3}
     assert values["prune"] == 0.8
     assert values["zero_weights"]["after"] > 0.79 > values["zero_weights"]["before"]
@@ -277,8 +276,6 @@ def every_point(model: Model, board: Any, images: Any) -> list[tuple[float, int,
 def test_the_search_finds_the_cheapest_of_all_that_are_good_enough(max_loss: float) -> None:
     model, images = trained(), queries(noise=1.2)
     result = calibration.search(model, KAPOHO_BAY, images, max_loss)
-    assert result.before is not None
-    assert result.after is not None
     least = result.before.recall_at_1 - max_loss
     good = [one for one in every_point(model, KAPOHO_BAY, images) if one[3] >= least - 1e-9]
     best = min(good, key=lambda one: one[:2])[2]
@@ -286,7 +283,6 @@ def test_the_search_finds_the_cheapest_of_all_that_are_good_enough(max_loss: flo
     assert result.after == calibration.figures(result.model, images)
     assert result.before == calibration.figures(model, images)
     values = result.as_json()
-    assert values is not None
     assert values["search"]["max_loss"] == max_loss
     assert len(values["search"]["tried"]) == len(result.tried) >= 1
     costs = [point.input_operations for point, _ in result.tried]
@@ -350,14 +346,11 @@ def test_figures_before_and_after() -> None:
     model, images = trained(), queries()
     same = calibration.calibrated(compression.for_board(model, LOIHI_2), images)
     assert same.before == same.after
-    assert same.before is not None
     assert same.before.recall_at_1 >= 0.9
     values = same.as_json()
-    assert values is not None
     assert "search" not in values
     less = calibration.calibrated(compression.for_board(model, LOIHI_2, compression.Changes(prune=0.9)), images)
     assert less.before == same.before
-    assert less.after is not None
     assert less.after.operations < 0.5 * same.before.operations
 
 
@@ -370,8 +363,6 @@ def test_a_hundred_real_places_lose_two_points_for_half_of_the_operations(data_r
     seen = winter.between(0, 100)
     images = encode_traverse(seen, config.encoder), aligned_truth(model, seen)
     result = calibration.search(model, KAPOHO_BAY, images, 0.02, threads=2)
-    assert result.before is not None
-    assert result.after is not None
     assert result.before.recall_at_1 >= 0.85
     assert result.after.recall_at_1 >= result.before.recall_at_1 - 0.021
     assert result.after.operations <= 0.7 * result.before.operations
