@@ -1,4 +1,4 @@
-"""The literal model of float arithmetic: VPRSNN's conductance network, and learning of the current-based one.
+"""The literal model of float arithmetic: VPRSNN's conductance network.
 
 Used by engine.
 """
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import Config, StdpLearning
+from lava_vpr.config import Config
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.random import draws
 
@@ -116,67 +116,3 @@ def slow_presentation(
         out.inh += len(relayed)
     out.weights, out.theta = np.array(w), np.array(theta)
     return out
-
-
-def train_presentation(
-    weights: NDArray[np.float32],
-    theta: NDArray[np.float32],
-    spikes: NDArray[np.bool_],
-    learning: StdpLearning,
-    gain: float,
-    trace_table: NDArray[np.float32],
-    *,
-    eta: float,
-    target: float,
-    theta_plus: float,
-) -> NDArray[np.int64]:
-    """One training presentation in scalar float32, step by step; changes ``weights`` and ``theta``; returns counts."""
-    f = np.float32
-    inputs, n = weights.shape
-    for i in range(n):
-        total = f(0)
-        for j in range(inputs):
-            total = f(total + weights[j, i])
-        factor = f(f(f(learning.mean_weight) * f(inputs)) / total)
-        for j in range(inputs):
-            weights[j, i] = f(weights[j, i] * factor)
-    keep = f(1.0 - 1.0 / learning.tau_membrane)
-    v = [f(0)] * n
-    last = [-1] * inputs
-    held = [0] * n
-    history: list[list[int]] = []
-    counts = np.zeros(n, np.int64)
-    for t in range(len(spikes)):
-        on = [int(j) for j in np.flatnonzero(spikes[t])]
-        for j in on:
-            last[j] = t
-        earlier = history[t - 2] if t >= 2 else []
-        now = []
-        for i in range(n):
-            drive = f(0)
-            for j in on:
-                drive = f(drive + weights[j, i])
-            drive = f(drive * f(gain))
-            if earlier:
-                drive = f(drive - f(learning.inhibition))
-                if i in earlier:  # given back
-                    drive = f(drive + f(learning.inhibition))
-            x = max(f(f(v[i] * keep) + drive), f(learning.floor))
-            if held[i] > 0:
-                x, held[i] = f(0), held[i] - 1
-            v[i] = x
-            if x > theta[i]:
-                now.append(i)
-        for i in now:
-            v[i] = f(0)
-            held[i] = learning.hold_steps
-            theta[i] = f(theta[i] + f(theta_plus))
-            counts[i] += 1
-            for j in range(inputs):
-                x = trace_table[t - last[j]] if last[j] >= 0 else f(0)
-                change = f(f(eta) * f(x - f(target)))
-                if learning.mu:
-                    change = f(change * f(f(f(learning.w_max) - weights[j, i]) ** f(learning.mu)))
-                weights[j, i] = min(max(f(weights[j, i] + change), f(0)), f(learning.w_max))
-        history.append(now)
-    return counts
