@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
+from support.boards.host_programs import write_queries
 from support.boards.kapoho_board import ASKED
 from support.boards.kapoho_board import STANDIN as NXSDK
 from support.boards.loihi2_bundles import STANDIN as LAVA_LOIHI
@@ -87,11 +87,7 @@ def test_a_profiler_that_measures_nothing(bench: pytest.MonkeyPatch, tmp_path: P
 
 def test_power_needs_a_board_and_one_run(tmp_path: Path) -> None:
     bundle = write_bundle(tmp_path / "b", network(bias_input=True))
-    rates, keys = queries()
-    (tmp_path / "q").mkdir()
-    np.save(tmp_path / "q" / "rates.npy", rates)
-    np.save(tmp_path / "q" / "keys.npy", keys)
-    words = ("--queries", tmp_path / "q", "--out", tmp_path / "o", "--power", tmp_path / "p")
+    words = ("--queries", write_queries(tmp_path / "q", *queries()), "--out", tmp_path / "o", "--power", tmp_path / "p")
     code, said = program(bundle, *words, "--simulate")
     assert (code, said) == (1, "--power needs the board, without --simulate")
     assert program(bundle, *words) == (

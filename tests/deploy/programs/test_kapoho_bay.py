@@ -120,12 +120,6 @@ def presented_biases(network: FixedNetwork, n: int) -> NDArray[np.int32]:
     return held_biases(wanted)
 
 
-def written_biases(folder: Path, biases: NDArray[np.int32]) -> None:
-    """The files of ``biases`` in a folder of queries."""
-    for name, array in zip(("biases", "exponents"), bias_registers(biases), strict=True):
-        np.save(folder / f"{name}.npy", array)
-
-
 @pytest.mark.quick(8)
 @pytest.mark.parametrize("simulate", [False, True])
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -150,8 +144,7 @@ def test_the_board_and_its_registers_in_numpy_count_as_the_host(
     assert board.run(made, "--self-test", *where) == Ended(0, equal, "")
     biases = presented_biases(network, 5)
     assert len(set(bias_registers(biases)[1].tolist())) > 1
-    queries = write_queries(tmp_path / "queries", made.rates, made.keys)
-    written_biases(queries, biases)
+    queries = write_queries(tmp_path / "queries", made.rates, made.keys, biases)
     words = ("--queries", queries, "--out", tmp_path / "out", "--batch", 2, *where)
     assert board.run(made, *words) == Ended(0, "5 of 5 queries answered\n", "")
     expected, _, _ = count_spikes(network, made.rates, made.keys, bias=biases)
@@ -169,8 +162,7 @@ def test_biases_that_no_register_holds_are_refused(board: Board, tmp_path: Path)
     network = random_network(3, signed=True, threshold=30)
     made = make(tmp_path, layout("one core", network))
     rates, keys = (np.load(made.path / "host" / f"{what}.npy") for what in ("rates", "keys"))
-    queries = write_queries(tmp_path / "queries", rates, keys)
-    written_biases(queries, presented_biases(network, len(keys)))
+    queries = write_queries(tmp_path / "queries", rates, keys, presented_biases(network, len(keys)))
     good = {name: np.load(queries / f"{name}.npy") for name in ("biases", "exponents")}
     for name, wrong, said in (
         ("biases", good["biases"][:, 1:], "biases.npy is int32 (5, 9), but must be int32 (5, 10)"),

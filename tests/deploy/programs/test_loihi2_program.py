@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.boards import host_programs
-from support.boards.host_programs import answers
+from support.boards.host_programs import answers, write_queries
 from support.boards.loihi2_bundles import (
     AGAIN,
     INTERVAL,
@@ -36,7 +36,7 @@ from support.lava.small_networks import SMALL_LIMITS, limits
 
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.folder import json_bytes
-from lava_vpr.engine.inference.biases import bias_registers, held_biases
+from lava_vpr.engine.inference.biases import held_biases
 from lava_vpr.engine.inference.fixed import count_spikes
 
 WAYS: dict[str, dict[str, Any]] = {
@@ -62,12 +62,8 @@ def running(bundle: Path) -> list[str]:
 def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Bundles, and queries; never written to."""
     root = tmp_path_factory.mktemp("loihi2")
-    rates, keys = queries()
-    (root / "queries").mkdir()
-    np.save(root / "queries" / "rates.npy", rates)
-    np.save(root / "queries" / "keys.npy", keys)
     bundles = {way: write_bundle(root / way, network(**changes)) for way, changes in WAYS.items()}
-    return {**bundles, "queries": root / "queries"}
+    return {**bundles, "queries": write_queries(root / "queries", *queries())}
 
 
 @pytest.fixture(scope="module")
@@ -178,11 +174,8 @@ def test_every_query_may_bring_biases(made: dict[str, Path], way: str, chip: boo
     wanted = rng.integers(-net.highest_bias, net.highest_bias + 1, (len(keys), net.neurons))
     wanted[1] = np.minimum(wanted[1], -1) * 40
     biases = held_biases(wanted)
-    (tmp_path / "queries").mkdir()
-    given = {"rates": rates, "keys": keys, **dict(zip(("biases", "exponents"), bias_registers(biases), strict=True))}
-    for name, array in given.items():
-        np.save(tmp_path / "queries" / f"{name}.npy", array)
-    words = ["--queries", tmp_path / "queries", "--out", tmp_path / "out", "--batch", 2]
+    written = write_queries(tmp_path / "queries", rates, keys, biases)
+    words = ["--queries", written, "--out", tmp_path / "out", "--batch", 2]
     env = environment(options=asked(tmp_path, log=str(tmp_path / "log"))) if chip else None
     code, text = program(made[way], *words, *([] if chip else ["--simulate"]), env=env)
     assert (code, text) == (0, "5 of 5 queries answered")

@@ -1,6 +1,6 @@
 """The host programs as they stand in a bundle, in one folder, and loaded from there into this process; small bundles.
 
-Used by deploy and support.
+Used by bench, deploy and support.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.bundle import folder as bundle
 from lava_vpr.deploy.bundle import programs
 from lava_vpr.deploy.bundle.folder import array_bytes
+from lava_vpr.engine.inference.biases import bias_registers
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 
 
@@ -101,11 +102,14 @@ def write_bundle(
     return Made(path, network, rates, keys, counts)
 
 
-def write_queries(folder: Path, rates: NDArray[np.uint16], keys: NDArray[np.uint64]) -> Path:
-    """A folder as ``--queries`` takes it."""
+def write_queries(
+    folder: Path, rates: NDArray[np.uint16], keys: NDArray[np.uint64], biases: NDArray[np.int32] | None = None
+) -> Path:
+    """A folder as ``--queries`` takes it, maybe with the biases of each query."""
     folder.mkdir(exist_ok=True)
-    np.save(folder / "rates.npy", rates)
-    np.save(folder / "keys.npy", keys)
+    registers = {} if biases is None else dict(zip(("biases", "exponents"), bias_registers(biases), strict=True))
+    for name, array in {"rates": rates, "keys": keys, **registers}.items():
+        np.save(folder / f"{name}.npy", array)
     return folder
 
 
