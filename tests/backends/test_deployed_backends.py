@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 from numpy.typing import NDArray
 from support.common.commands import run
-from support.common.small_models import encoded, small_model, tiny_paper
+from support.common.small_models import encoded, paper_model, small_model
 
 from benchmarks.places import encoded as real
 from benchmarks.places import learn
@@ -162,7 +162,7 @@ def test_the_wrong_board_and_the_wrong_network_are_refused(
     deploy(model, LOIHI_2, tmp_path / "b", picture=False)
     with pytest.raises(BackendUnavailableError, match="is a bundle for loihi2, which kapoho-bay cannot run; deploy"):
         backends.require("kapoho-bay", open_bundle(tmp_path / "b"))
-    floating = train([encoded(4, 784)], tiny_paper())
+    floating = paper_model(4)
     for name in ("bundle", "kapoho-bay"):
         with pytest.raises(ConfigError, match=f"^{name} needs an integer network, but preset paper is the float"):
             backends.require(name, floating)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.common.small_models import encoded, small_model, tiny_paper
+from support.common.small_models import encoded, paper_model, small_model
 
 from lava_vpr.bench.measure import alone
 from lava_vpr.bench.query_set import QuerySet
@@ -17,7 +17,6 @@ from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ConfigError
 from lava_vpr.model import as_integer
-from lava_vpr.training.loop import train
 
 
 def queries() -> QuerySet:
@@ -125,6 +124,6 @@ def test_beside_a_board_spikes_are_drawn_and_counts_decoded(monkeypatch: pytest.
 
 
 def test_a_float_model_has_nothing_beside_a_board() -> None:
-    model = train([encoded(2, 784)], tiny_paper())
+    model = paper_model(2)
     with pytest.raises(ConfigError, match="needs an integer network"):
         alone.beside_board(QuerySet.of(model, encoded(2, 784)))

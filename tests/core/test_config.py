@@ -18,7 +18,7 @@ import tomli
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from support.common.commands import fails
-from support.common.small_models import encoded, small_model, tiny_paper
+from support.common.small_models import paper_model, small_model, tiny_paper
 
 from lava_vpr import config as c
 from lava_vpr import configfile as f
@@ -28,7 +28,6 @@ from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.model import as_integer, integer_model
 from lava_vpr.settings.ranges import Declared, Range, declared
-from lava_vpr.training.loop import train
 
 
 @pytest.mark.parametrize("name", list(c.PRESETS))
@@ -279,7 +278,7 @@ def test_the_float_model_is_refused_with_cause_and_remedy() -> None:
         "a board needs an integer network, but preset paper is the float conductance model; train with "
         "--preset loihi, or run this one with --backend host or lava-float"
     )
-    model = train([encoded(4, 784)], tiny_paper())
+    model = paper_model(4)
     for path, message in ((None, text), (Path("p.lvpr"), f"p.lvpr: {text}")):
         for ask, asked in ((integer_config, model.config), (integer_model, model)):
             with pytest.raises(ConfigError) as caught:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.common.small_models import encoded, small_model, tiny_paper
+from support.common.small_models import encoded, paper_model, small_model
 
 from lava_vpr import model
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
@@ -21,7 +21,6 @@ from lava_vpr.errors import ModelFileError
 from lava_vpr.exchange.nir_writing import container_of
 from lava_vpr.model import integer_model
 from lava_vpr.recognition import count_query_spikes
-from lava_vpr.training.loop import train
 
 
 def equal(a: object, b: object) -> bool:
@@ -35,7 +34,7 @@ def test_what_is_saved_is_what_is_loaded(kind: str, tmp_path: Path) -> None:
     if kind == "loihi":
         saved, queries = small_model(), encoded(noise=0.3)
     else:
-        saved, queries = train([encoded(inputs=784)], tiny_paper()), encoded(inputs=784, noise=0.3)
+        saved, queries = paper_model(), encoded(inputs=784, noise=0.3)
     path = tmp_path / "a.lvpr"
     model.save(saved, path)
     loaded = model.load(path)

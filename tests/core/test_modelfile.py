@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.common.commands import fails
-from support.common.small_models import encoded, small_config, small_model, tiny_paper
+from support.common.small_models import encoded, paper_model, small_config, small_model
 
 from lava_vpr import model
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -31,7 +31,7 @@ PATH = Path("a.lvpr")
 def sound(kind: str) -> tuple[str, Arrays]:
     """Header, as text, and arrays of a model file, or of what a bundle keeps."""
     made = {
-        "paper": lambda: train([encoded(inputs=784)], tiny_paper()),
+        "paper": paper_model,
         "views": lambda: train([encoded(seed=view) for view in range(3)], small_config(views={"shifts": 3})),
     }
     whole = made.get(kind, small_model)()

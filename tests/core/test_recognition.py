@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from support.common.small_models import encoded, small_model, tiny_paper
+from support.common.small_models import encoded, paper_model, small_model
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends import rivals
@@ -40,11 +40,6 @@ QUICK = settings(deadline=None, derandomize=True, max_examples=15)
 def taken(traverse: EncodedTraverse, order: NDArray[np.int64] | list[int]) -> EncodedTraverse:
     """Some images of a traverse, numbered from 0, as a folder of them alone would be."""
     return dataclasses.replace(traverse.take(np.asarray(order, np.int64)), indices=np.arange(len(order)))
-
-
-@lru_cache(maxsize=1)
-def paper_model() -> Model:
-    return train([encoded(inputs=784)], tiny_paper())
 
 
 @lru_cache(maxsize=2)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.common.small_models import encoded, small_config, small_model, tiny_paper
+from support.common.small_models import encoded, paper_model, small_config, small_model
 
 from benchmarks.places import encoded as encoded_nordland
 from benchmarks.places import learn
@@ -240,10 +240,6 @@ def with_threshold() -> Model:
     return train([encoded()], small_config(network={"threshold": 2.0}))
 
 
-def paper() -> Model:
-    return train([encoded(inputs=784)], tiny_paper())
-
-
 PAPER = "needs stretches that learn by themselves, but preset paper is one network for the whole route"
 REFUSED: list[tuple[Any, type[Exception], str]] = [
     (
@@ -253,9 +249,9 @@ REFUSED: list[tuple[Any, type[Exception], str]] = [
     ),
     (lambda: maps.remove(bundled(), [5]), ModelFileError, "removing places needs what the network has learned"),
     (lambda: maps.merge([small_model(), bundled()]), ModelFileError, "merging needs what the network has learned"),
-    (lambda: maps.extend(paper(), [encoded(inputs=784)]), ConfigError, f"extending {PAPER}"),
-    (lambda: maps.remove(paper(), [5]), ConfigError, f"removing places {PAPER}"),
-    (lambda: maps.merge([paper(), small_model()]), ConfigError, f"merging {PAPER}"),
+    (lambda: maps.extend(paper_model(), [encoded(inputs=784)]), ConfigError, f"extending {PAPER}"),
+    (lambda: maps.remove(paper_model(), [5]), ConfigError, f"removing places {PAPER}"),
+    (lambda: maps.merge([paper_model(), small_model()]), ConfigError, f"merging {PAPER}"),
     (
         lambda: maps.extend(small_model(), [encoded(), encoded()]),
         InputError,

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.common.daskcluster import DaskCluster
-from support.common.small_models import encoded, small_config, small_model, tiny_paper
+from support.common.small_models import encoded, paper_model, small_config, small_model, tiny_paper
 
 from lava_vpr import model
 from lava_vpr.backends.host import HostBackend
@@ -126,7 +126,7 @@ def test_a_lost_scheduler_leaves_the_stretches_that_had_come_back(tmp_path: Path
 
 @pytest.mark.parametrize("paper", [False, True])
 def test_queries_have_the_counts_and_events_of_one_machine(at: Connection, paper: bool) -> None:
-    trained = train([encoded(inputs=784)], tiny_paper()) if paper else small_model()
+    trained = paper_model() if paper else small_model()
     shown = query_presentations(trained, encoded(noise=0.5, inputs=784 if paper else trained.config.encoder.inputs))
     here, events = HostBackend().count_spikes(trained, shown)
     there, the_same = HostBackend(Pool(1, at)).count_spikes(trained, shown)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.common.small_models import encoded, small_config, tiny_paper
+from support.common.small_models import encoded, paper_model, small_config, tiny_paper
 
 from lava_vpr import model
 from lava_vpr.cli import main
@@ -99,7 +99,7 @@ def test_any_model_gives_the_one_that_learned_nothing(views: int) -> None:
 
 def test_the_conductance_model_has_no_templates() -> None:
     with pytest.raises(ConfigError, match=r"^the baseline template needs an integer network"):
-        template_of(train([encoded(inputs=784)], tiny_paper()))
+        template_of(paper_model())
 
 
 @pytest.mark.parametrize("name", LEARNING)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from support.common.commands import fails, run
-from support.common.small_models import encoded, tiny_paper
+from support.common.small_models import paper_model
 
 from lava_vpr.model import save
-from lava_vpr.training.loop import train
 
 
 def test_there_and_back(here: Path) -> None:
@@ -55,6 +54,6 @@ def test_what_cannot_be_is_refused_before_any_work(here: Path) -> None:
     assert fails("import", "none.nir", "-o", "n.lvpr").startswith("none.nir: the NIR graph cannot be read (No such")
     assert "is also an input" in fails("export", "m.lvpr", "-o", "m.lvpr", "--format", "nir")
     assert "Invalid value for '--time-step'" in fails("export", "m.lvpr", "-o", "n.nir", "--time-step", 0, code=2)
-    save(train([encoded(4, 784)], tiny_paper()), here / "p.lvpr")
+    save(paper_model(4), here / "p.lvpr")
     assert fails("export", "p.lvpr", "-o", "p.nir").startswith("p.lvpr: format nir needs an integer network, but")
     assert not (here / "p.nir").exists()

@@ -58,6 +58,12 @@ def small_model(places: int = 8) -> Model:
     return train([encoded(places)], small_config(), pool=Pool(2))
 
 
+@lru_cache(maxsize=4)
+def paper_model(places: int = 8) -> Model:
+    """A quickly trained model of preset paper."""
+    return train([encoded(places, 784)], tiny_paper())
+
+
 def two_images_a_place() -> Model:
     """The small model with each place seen twice, in no order."""
     model, more = small_model(), encoded(8, seed=5)
