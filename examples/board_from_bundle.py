@@ -13,8 +13,7 @@ import argparse
 import sys
 
 from lava_vpr import LavaVprError, load
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import query_presentations
+from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.encoding import encode_traverse
 from lava_vpr.traverse import open_traverse

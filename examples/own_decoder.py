@@ -15,8 +15,7 @@ import sys
 import numpy as np
 
 from lava_vpr import LavaVprError, train
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import query_presentations
+from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.encoding import encode_traverse
 from lava_vpr.matching import certainty
 from lava_vpr.matching.decoders import DECODERS, Decoder, Reading, in_every_variant, prepare

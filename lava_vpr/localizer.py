@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from lava_vpr import maps
 from lava_vpr import model as model_file
 from lava_vpr.backends.asking import Asker, Asking, calibration_of, open_model, summed
-from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import HostBackend
 from lava_vpr.encoding import Keep, encode_arrays, encode_views
 from lava_vpr.engine.adaptation import Motion
 from lava_vpr.matches import Match, matches_of

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import Advance, Backend, Events, Presentations, query_presentations
+from lava_vpr.backends.interface import Advance, Backend, Events, HostBackend, Presentations, query_presentations
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.backends.rivals import Rivals, Scored, decoded
 from lava_vpr.backends.rivals import chosen as rivals_of

@@ -15,8 +15,7 @@ from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
 
 from lava_vpr import train
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import query_presentations
+from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.encoding import encode_arrays
 from lava_vpr.model import prepare
 from lava_vpr.report.images import edge_direction

@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.places import SECTIONS, answer, encoded, folder, learn
 from benchmarks.program import Printed, program, turns
-from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import HostBackend
 from lava_vpr.bench.measure import alone
 from lava_vpr.bench.measure.timing import each_image, measure_encoding
 from lava_vpr.bench.query_set import QuerySet

@@ -25,8 +25,7 @@ from benchmarks.elsewhere import python_of, run_elsewhere
 from benchmarks.exchange.literal import spikes_of
 from benchmarks.places import encoded, learn
 from benchmarks.program import Printed, program, verdict
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import query_presentations
+from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.config import preset
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.exchange.formats import TIME_STEP

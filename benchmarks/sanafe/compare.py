@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from benchmarks.places import encoded, learn, required
 from benchmarks.program import Printed, program, verdict
 from benchmarks.sanafe.cross_check import CrossCheck, cross_check, find_sanafe
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import query_presentations
+from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY

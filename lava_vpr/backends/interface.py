@@ -1,4 +1,7 @@
-"""What a backend is: an object that counts the spikes of presentations, and the row that tells the rest about it."""
+"""What a backend is: an object that counts the spikes of presentations, and the row that tells the rest about it.
+
+The host's, the compiled engine on this machine's processor, is the one that every other is compared with.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +13,16 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.encoding import query_rates
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
+from lava_vpr.encoding import query_rates, spike_trains
+from lava_vpr.engine.blocks import Block, in_blocks, of_conductances, of_integers
+from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.inputs.encoded import EncodedTraverse, check_encoded
-from lava_vpr.model import Model
+from lava_vpr.model import Model, checked_network
 
 Advance = Callable[[int], None]
 """A function that is told how many more presentations are done."""
@@ -149,3 +155,24 @@ class BackendRow:
     limit: int | None = None
     batch: int = 1
     together: int = 8192
+
+
+@dataclass(frozen=True)
+class HostBackend:
+    """The compiled engine; results do not depend on who counts."""
+
+    pool: Pool = ONE_THREAD
+
+    def count_spikes(self, model: Model, shown: Presentations) -> tuple[NDArray[np.int32], Events]:
+        """See `lava_vpr.backends.interface.Backend.count_spikes`."""
+        block = Block(shown.rates, shown.keys, shown.bias)
+        if isinstance(model.network, ConductanceState):
+            network = model.network, model.config
+            return in_blocks(of_conductances, network, block, pool=self.pool)
+        integer = checked_network(model, "host")
+        return in_blocks(of_integers, integer, block, pool=self.pool)
+
+    def trains(self, model: Model, shown: Presentations) -> Trains:
+        """See `lava_vpr.backends.interface.Backend.trains`."""
+        network = checked_network(model, "host")
+        return spike_trains(network, shown.rates, shown.keys, bias=shown.bias, threads=self.pool.threads)

@@ -6,8 +6,7 @@ counts, bit for bit, on every exact backend.
 
 from __future__ import annotations
 
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import Advance, Backend, BackendRow
+from lava_vpr.backends.interface import Advance, Backend, BackendRow, HostBackend
 from lava_vpr.backends.lava import LavaBackend, lava_missing, loihi2_missing
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.errors import BackendUnavailableError

@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends.asking import PLAINLY, Asking, adapted_scores, summed
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import Presentations
+from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, Keep, query_rates
 from lava_vpr.engine.adaptation import Adaptation

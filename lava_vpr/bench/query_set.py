@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import __version__
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.backends.interface import HostBackend, Presentations, query_presentations
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.presentations import Trains, cores

@@ -7,17 +7,22 @@ can run programs on all of them: docs/security.md.
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import logging
+import platform
 import re
 import time
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent import futures
 from contextlib import contextmanager, suppress
-from functools import partial
+from functools import cache, partial
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lava_vpr.cluster import versions
+from lava_vpr import __version__
 from lava_vpr.cluster.tasks import PATIENCE, LostTaskError, Told
 from lava_vpr.errors import ClusterError, LavaVprError
 from lava_vpr.interrupts import stoppable
@@ -96,7 +101,7 @@ class Connection:
         self.require()
         try:
             sent = None if shared is None else self._send(shared)
-            return self._client.submit(at_worker, function, dict(versions.here()), sent, task, pure=False, retries=0)
+            return self._client.submit(at_worker, function, dict(here()), sent, task, pure=False, retries=0)
         except _GONE as error:
             raise self.lost() from error
 
@@ -173,13 +178,13 @@ def _named(error: BaseException) -> str:
 
 
 def at_worker(function: Callable[[Any, Any], Any], expected: Mapping[str, str], shared: Any, task: Any) -> Any:
-    """``function(shared, task)`` at a worker that is as ``expected`` (`versions.here` of who asks).
+    """``function(shared, task)`` at a worker that is as ``expected`` (`here` of who asks).
 
     Raises:
         ClusterError: it is another; one that comes late was not compared before.
         Exception: what the function raises.
     """
-    other = versions.difference(expected, versions.here())
+    other = difference(expected, here())
     if other is not None:
         raise ClusterError(_differs("a worker that came late", other))
     return function(shared, task)
@@ -274,12 +279,49 @@ def _check_workers(connection: Connection, client: Client) -> None:
             raise ClusterError(f"{address}: the cluster has no workers; start some: dask worker {address}")
         time.sleep(0.1)
     try:
-        found: dict[str, Any] = client.run(versions.here, on_error="return")
+        found: dict[str, Any] = client.run(here, on_error="return")
     except Exception as error:  # a worker that cannot even load the question raises it whole
         raise ClusterError(f"{address}: a worker cannot run lava-vpr ({_named(error)}); install it there") from None
     for worker, theirs in found.items():
         if isinstance(theirs, BaseException):
             raise ClusterError(f"worker {worker} cannot run lava-vpr ({_named(theirs)}); install it there")
-        other = versions.difference(versions.here(), theirs)
+        other = difference(here(), theirs)
         if other is not None:
             raise ClusterError(_differs(f"worker {worker}", other))
+
+
+COMPUTES = ("numpy", "numba", "scipy", "opencv-python-headless")
+"""Packages whose versions can change a result."""
+
+
+def that_compute() -> Mapping[str, str]:
+    """Versions of Python, and of the packages that compute, by name."""
+    return {"Python": platform.python_version()} | {name: version(name) for name in COMPUTES}
+
+
+@cache
+def here() -> Mapping[str, str]:
+    """Versions by name that a cluster's machines must share: of this package with a hash of its source, those of
+    `that_compute`, and of what machines talk with."""
+    own = {"lava-vpr": f"{__version__} ({_source()})"}
+    return {**own, **that_compute(), "distributed": version("distributed")}
+
+
+def _source() -> str:
+    """A hash of the package's modules, 12 digits: two checkouts of one version are not the same program."""
+    modules: dict[str, Path] = {}
+    for name in ("", "processes", "deploy"):  # the last two stand beside the package in a checkout, in it elsewhere
+        spec = find_spec(f"lava_vpr.{name}".rstrip("."))
+        for root in spec.submodule_search_locations or () if spec is not None else ():
+            found = {path.relative_to(root).as_posix(): path for path in Path(root).rglob("*.py")}
+            modules |= {f"{name}/{own}".lstrip("/"): path for own, path in found.items()}
+    digest = hashlib.sha256()
+    for own, path in sorted(modules.items()):
+        digest.update(own.encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:12]
+
+
+def difference(ours: Mapping[str, str], theirs: Mapping[str, str]) -> str | None:
+    """What differs, in words: ``numpy 1.26.4, here 1.26.3``; None if nothing does."""
+    named = [f"{name} {theirs.get(name, 'none')}, here {own}" for name, own in ours.items() if theirs.get(name) != own]
+    return "; ".join(named) or None

@@ -16,7 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
-from lava_vpr.cluster.versions import that_compute
+from lava_vpr.cluster.connection import that_compute
 from lava_vpr.errors import InputError
 from lava_vpr.storage.reading import parse_json, read_bytes
 from lava_vpr.storage.text import shown

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import query_presentations
+from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.compression.compression import (

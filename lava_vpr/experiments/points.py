@@ -13,8 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import query_presentations
+from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, integer_config, preset
 from lava_vpr.configfile import update

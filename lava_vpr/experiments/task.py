@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.backends.interface import HostBackend, Presentations, query_presentations
 from lava_vpr.backends.rivals import Rivals, chosen, decoded
 from lava_vpr.config import Config
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import Presentations
+from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.config import Config, integer_config
 from lava_vpr.configfile import update
 from lava_vpr.encoding import query_rates

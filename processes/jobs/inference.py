@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from lava_vpr.engine.general.lif import need
 from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork
-from lava_vpr.isolated import memory
+from lava_vpr.isolated import child
 from lava_vpr.isolated.worker import report
 from lava_vpr.loihi import DECAY_BITS
 from lava_vpr.processes.base.checked import FIXED_TAG
@@ -68,7 +68,7 @@ class RunTimes:
     def look(self) -> None:
         """Note how much memory is held, while Lava's processes are still there."""
         if self.wanted:
-            self._held = memory.held_by_family() or 0
+            self._held = child.held_by_family() or 0
 
     def arrays(self) -> Arrays:
         """The results ``runs`` and ``held`` for the caller; none if nobody asked."""

@@ -18,8 +18,7 @@ from support.common.small_models import encoded, paper_model, small_model
 from benchmarks.places import encoded as real
 from benchmarks.places import learn
 from lava_vpr.backends import registry as backends
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.backends.interface import HostBackend, Presentations, query_presentations
 from lava_vpr.backends.verification import verify
 from lava_vpr.cli import main
 from lava_vpr.config import preset

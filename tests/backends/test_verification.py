@@ -17,8 +17,7 @@ from benchmarks.places import SECTIONS, answer, learn
 from benchmarks.places import encoded as real
 from lava_vpr import model as model_file
 from lava_vpr.backends import registry as backends
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.backends.interface import HostBackend, Presentations, query_presentations
 from lava_vpr.backends.verification import Verdict, compare, verify
 from lava_vpr.cli import main
 from lava_vpr.config import preset

@@ -174,7 +174,7 @@ def test_the_peak_is_that_of_the_process_itself() -> None:
     """A child that holds 120 MB for a moment says so; one that holds nothing does not take over what we held."""
     held = 120_000_000
     ballast = np.ones(held // 8)
-    code = "import numpy as np; from lava_vpr.isolated import memory; {}; print(memory.own_peak())"
+    code = "import numpy as np; from lava_vpr.isolated import child; {}; print(child.own_peak())"
     peaks = []
     for does in (f"x = np.ones({held // 8}); del x", "pass"):
         run = children.run([sys.executable, "-c", code.format(does)], capture_output=True, text=True, check=True)
@@ -187,10 +187,10 @@ def test_the_peak_is_that_of_the_process_itself() -> None:
 def test_what_a_family_shares_is_counted_once() -> None:
     held = 200_000_000
     code = (
-        "import os, time, numpy as np; from lava_vpr.isolated import memory; x = np.ones({size});"
+        "import os, time, numpy as np; from lava_vpr.isolated import child; x = np.ones({size});"
         "pids = [os.fork() for _ in range(1)]\n"
         "if 0 in pids: time.sleep(30); os._exit(0)\n"
-        "time.sleep(0.2); print(len(memory.family()), memory.held_by_family())\n"
+        "time.sleep(0.2); print(len(child.family()), child.held_by_family())\n"
         "os.kill(pids[0], 9); os.waitpid(pids[0], 0)"
     )
     run = children.run([sys.executable, "-c", code.format(size=held // 8)], capture_output=True, text=True, check=True)

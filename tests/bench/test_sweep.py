@@ -15,8 +15,7 @@ from hypothesis.extra.numpy import arrays
 from support.common.daskcluster import DaskCluster
 from support.common.small_models import encoded, small_model, tiny_paper
 
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import Presentations
+from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.bench.results import SweepPoint
 from lava_vpr.bench.sweep import FAST, MODEL, on_front, sweep
 from lava_vpr.cluster.connection import connected

@@ -10,8 +10,7 @@ from support.boards.small_boards import network
 from support.common.small_models import encoded, small_model
 
 from benchmarks.neurobench import metrics
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import Presentations
+from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.bench.measure.workload import input_updates, membrane_updates, of_trains, workload
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.encoding import query_rates

@@ -14,8 +14,7 @@ from support.common.small_models import encoded, small_model
 from benchmarks.exchange import compare
 from benchmarks.exchange.compare import CaseSpikes, ExchangeCase, failures, row, run
 from benchmarks.exchange.literal import spikes_of
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import Presentations
+from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.errors import InputError
 from lava_vpr.exchange.nir_writing import graph_of
 from lava_vpr.model import integer_model

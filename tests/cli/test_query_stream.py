@@ -19,7 +19,7 @@ from support.common.commands import fails, images, listed, matches, run
 from lava_vpr import model as model_file
 from lava_vpr import recognition
 from lava_vpr.backends.asking import calibration_of
-from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import HostBackend
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cli.outputs import text_writer
 from lava_vpr.encoding import encode_traverse

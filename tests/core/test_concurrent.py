@@ -1,12 +1,15 @@
-"""Two programs at once, readers who go away, closed folders: what only whole processes show."""
+"""Two programs at once, readers who go away, thousands of images in little memory: what only whole processes show."""
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from support.common import children
 from support.common.imagefiles import write_images
@@ -77,3 +80,77 @@ def test_narrow_terminals_keep_the_figures(here: Path) -> None:
     for name in ("R@1", "R@100P", "P@100R", "AUC", "weighted_probability", "contrast *"):
         assert name in shown
     assert "…" not in shown
+
+
+IMAGES = 3000
+FILES = 40
+LIMIT = 1_000_000_000  # bytes
+FEW_STEPS = "[network]\nsteps = 32\n[learning]\nsteps = 40\nepochs = 1\n"
+
+
+MEASURE = """
+import resource, subprocess, sys
+code = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode
+print(code, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+"""
+"""Starts a command from a process that holds little: Linux counts what the starter held as the command's own."""
+
+
+def peak(folder: Path, *words: object) -> int:
+    """Bytes that a command held at most, which must succeed."""
+    command = [sys.executable, "-c", MEASURE, sys.executable, "-m", "lava_vpr", *map(str, words)]
+    run = children.run(
+        command, cwd=folder, capture_output=True, text=True, check=True, env={**os.environ, "MPLBACKEND": "Agg"}
+    )
+    code, most = map(int, run.stdout.split())
+    assert code == 0
+    needed = most * (1 if sys.platform == "darwin" else 1024)
+    print(f"{words[0]}: at most {needed / 1e6:.0f} MB")  # shown by pytest -s
+    return needed
+
+
+def test_what_the_tests_hold_is_not_counted(tmp_path: Path) -> None:
+    ballast = np.ones(LIMIT // 8)
+    assert peak(tmp_path, "--version") < LIMIT / 2 < ballast.nbytes
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A few photographs of 640 x 480, each listed many times, and a second look at each."""
+    root = tmp_path_factory.mktemp("memory")
+    rng = np.random.default_rng(0)
+    for k in range(FILES):
+        scene = rng.integers(0, 200, (24, 32, 3)).astype(np.uint8)
+        for season, light in (("summer", 0), ("winter", 40)):
+            image = cv2.resize(scene + np.uint8(light), (640, 480), interpolation=cv2.INTER_CUBIC)
+            cv2.imwrite(str(root / f"{season}{k}.jpg"), image)
+    for season in ("summer", "winter"):
+        (root / f"{season}.txt").write_text("".join(f"{season}{k % FILES}.jpg\n" for k in range(IMAGES)))
+        rows = "".join(f"{20 * k},0\n" for k in range(IMAGES))
+        (root / f"{season}.csv").write_text("x,y\n" + rows)
+    (root / "gt.json").write_text(json.dumps([k % FILES for k in range(IMAGES)]))
+    (root / "quick.toml").write_text(FEW_STEPS)
+    return root
+
+
+@pytest.mark.slow
+def test_many_queries_of_a_short_route(place: Path) -> None:
+    peak(place, "train", "summer.txt", "--places", f"0:{FILES}", "-o", "short.lvpr", "--config", "quick.toml")
+    chosen = ("--places", f"0:{IMAGES}", "--gt", "gt.json")
+    needed = peak(place, "eval", "short.lvpr", "winter.txt", *chosen, "--json", "short.json")
+    assert json.loads((place / "short.json").read_text())["queries"] == IMAGES
+    assert needed < LIMIT / 2
+
+
+@pytest.mark.slow
+def test_many_queries_of_a_long_route(place: Path) -> None:
+    """3,000 images against 3,000 places; one matrix of scores is 72 MB."""
+    assert peak(place, "train", "summer.txt", "-o", "long.lvpr", "--config", "quick.toml") < LIMIT
+    positions = ("--positions", "summer.csv", "winter.csv", "--radius", 25)
+    needed = peak(place, "eval", "long.lvpr", "winter.txt", *positions, "--json", "long.json")
+    values = json.loads((place / "long.json").read_text())
+    assert (values["queries"], values["places"]) == (IMAGES, IMAGES)
+    assert needed < LIMIT
+    options = ("--sequence", 5, "--baseline", "sad", "--report", "report")
+    assert peak(place, "eval", "long.lvpr", "winter.txt", *options) < LIMIT
+    assert peak(place, "query", "long.lvpr", "winter.txt", "-o", "long.csv", "--sequence", 5) < LIMIT

@@ -10,8 +10,7 @@ from hypothesis.extra.numpy import arrays
 from support.common.small_models import encoded
 
 from lava_vpr.backends.deployed import BundleBackend
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import query_presentations
+from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import LifNetwork, preset
 from lava_vpr.configfile import update

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from support.common.commands import PLACES, fails, figures, run
 
 from lava_vpr import model as model_file
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import BackendRow, Presentations
+from lava_vpr.backends.interface import BackendRow, HostBackend, Presentations
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, DecoderConfig

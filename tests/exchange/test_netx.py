@@ -17,8 +17,7 @@ from support.common.small_models import encoded, small_config
 
 from benchmarks import places
 from lava_vpr import model as model_file
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import query_presentations
+from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.cli import main
 from lava_vpr.config import preset
 from lava_vpr.encoding import EncodedTraverse, draw_trains

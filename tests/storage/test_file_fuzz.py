@@ -9,12 +9,19 @@ from pathlib import Path
 
 import pytest
 from support.common import children
-from support.fuzz import run
+from support.fuzz import corpus, run
 from support.fuzz.changes import sealed_bundle
 from support.fuzz.corpus import Corpus
 
 from lava_vpr import maps
 from lava_vpr import model as model_file
+
+
+@pytest.fixture(scope="module")
+def honest(tmp_path_factory: pytest.TempPathFactory) -> Corpus:
+    """The honest files."""
+    return corpus.make(tmp_path_factory.mktemp("honest"))
+
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -12,8 +12,7 @@ from support.common.daskcluster import DaskCluster
 from support.common.small_models import encoded, paper_model, small_config, small_model, tiny_paper
 
 from lava_vpr import model
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import query_presentations
+from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.cluster.connection import Connection, connected
 from lava_vpr.cluster.tasks import Pool, Standing
 from lava_vpr.config import Config

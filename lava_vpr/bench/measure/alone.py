@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.backends.host import HostBackend
+from lava_vpr.backends.interface import HostBackend
 from lava_vpr.backends.rivals import chosen
 from lava_vpr.bench.measure.child import decoder_of, host_answer, singles
 from lava_vpr.bench.peers import Places, cosine_answer, hog_answer, one_blas_thread, sad_answer

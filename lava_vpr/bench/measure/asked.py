@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends.asking import Asker, Asking
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import Presentations
+from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import AskedOn, QueryVariants
 from lava_vpr.cluster.tasks import Pool

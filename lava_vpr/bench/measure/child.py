@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 from lava_vpr import model as model_file
 from lava_vpr.backends import deployed
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import Presentations
+from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.deploy.bundle import effort
 from lava_vpr.deploy.bundle.opening import open_whole
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.presentations import share
-from lava_vpr.isolated import memory
+from lava_vpr.isolated.child import own_peak
 from lava_vpr.matching.certainty import best
 from lava_vpr.model import Model, as_integer, checked_network, prepare
 
@@ -113,5 +112,5 @@ def measure(arrays: Arrays, options: dict[str, Any]) -> Arrays:
         "rounds": np.array(rounds),
         "batch": np.array([len(whole)]),
         "matches": matches,
-        "peak": np.array([memory.own_peak() or 0]),
+        "peak": np.array([own_peak() or 0]),
     }

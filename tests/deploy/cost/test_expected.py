@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from support.common.small_models import encoded, small_model
 
-from lava_vpr.backends.host import HostBackend
-from lava_vpr.backends.interface import query_presentations
+from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.boards.plan import Times
 from lava_vpr.deploy.bundle.deployment import plan_of
