@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from support.fuzz.changes import stored as npy
 
 from lava_vpr.errors import InputError
 from lava_vpr.inputs.patches import hog, patch_normalised
@@ -159,12 +160,6 @@ def test_descriptors_are_compared_by_cosine(tmp_path: Path) -> None:
     labels = np.array([0, 0, 1, 1, 2, 2])
     grouped = descriptor_similarities(tmp_path / "r.npy", tmp_path / "q.npy", labels=labels)
     np.testing.assert_allclose(grouped, np.maximum(found[:, ::2], found[:, 1::2]))
-
-
-def npy(array: NDArray[Any]) -> bytes:
-    stream = io.BytesIO()
-    np.save(stream, array)
-    return stream.getvalue()
 
 
 def npz() -> bytes:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
 import struct
 import tracemalloc
-import warnings
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -15,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.fuzz import changes
+from support.fuzz.changes import stored as npy
 
 from lava_vpr.errors import ModelFileError
 from lava_vpr.storage import container
@@ -22,12 +22,6 @@ from lava_vpr.storage.limits import variable
 
 ARRAY = np.arange(6, dtype=np.float32).reshape(2, 3)
 PATH = Path("a.lvpr")
-
-
-def npy(array: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    np.save(file, array)
-    return file.getvalue()
 
 
 def described(text: str, content: bytes = b"", version: bytes = b"\x01\x00") -> bytes:
@@ -42,17 +36,12 @@ def header(value: object = None) -> bytes:
 
 
 def sealed(payload: bytes) -> bytes:
-    return b"lava-vpr model 1\n" + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload
+    return changes.sealed(b"lava-vpr model 1", payload)
 
 
 def archive(entries: list[tuple[str, bytes]], method: int = zipfile.ZIP_DEFLATED) -> bytes:
     """A container with these entries, its checksum right."""
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", method) as written, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a name twice
-        for name, content in entries:
-            written.writestr(zipfile.ZipInfo(name), content, method)
-    return sealed(file.getvalue())
+    return sealed(changes.zipped(entries, method, 6))
 
 
 def with_array(content: bytes, name: str = "a.x.npy") -> bytes:

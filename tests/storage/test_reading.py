@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import NDArray
+from support.fuzz.changes import stored as npy
 
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.storage.arrays import array_of, read_array
@@ -133,12 +134,6 @@ def test_rows_are_numbered_by_the_line_that_they_begin_on(
 ) -> None:
     (tmp_path / "t.csv").write_bytes(text.encode())
     assert csv_rows(tmp_path / "t.csv") == rows
-
-
-def npy(array: NDArray[Any]) -> bytes:
-    stream = io.BytesIO()
-    np.save(stream, array)
-    return stream.getvalue()
 
 
 KINDS = st.sampled_from(["?", "i1", "u1", "<i2", "<u4", "<i8", "<u8", "<f2", "<f4", "<f8"])

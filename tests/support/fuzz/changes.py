@@ -1,6 +1,6 @@
 """Changes of honest files, drawn from one generator: JSON values, arrays, text, archives, containers, bundles, bytes.
 
-Used by storage and support.
+Used by matching, storage and support.
 """
 
 from __future__ import annotations
@@ -206,13 +206,13 @@ def sealed(magic: bytes, payload: bytes) -> bytes:
     return magic + b"\n" + hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload
 
 
-def zipped(entries: Entries, method: int = zipfile.ZIP_DEFLATED) -> bytes:
+def zipped(entries: Entries, method: int = zipfile.ZIP_DEFLATED, level: int = 1) -> bytes:
     """The archive of ``entries``."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", method) as archive, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a name twice
         for name, data in entries:
-            archive.writestr(zipfile.ZipInfo(name), data, method, 1)
+            archive.writestr(zipfile.ZipInfo(name), data, method, level)
     return buffer.getvalue()
 
 
