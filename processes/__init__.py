@@ -9,25 +9,17 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from types import ModuleType
 from typing import Any
 
 from lava_vpr.processes.base.lava_checks import require_lava
 
-
-def _process_modules(package: ModuleType | None = None) -> dict[str, str]:
-    """The module that defines each Process, by the Process's name: every folder below this one is asked for its own."""
-    path, name = (__path__, __name__) if package is None else (package.__path__, package.__name__)
-    modules: dict[str, str] = {}
-    for entry in pkgutil.iter_modules(path, f"{name}."):
-        if entry.ispkg:
-            folder = importlib.import_module(entry.name)
-            named = getattr(folder, "PROCESSES", None)
-            modules |= dict.fromkeys(named, f"{entry.name}.process") if named else _process_modules(folder)
-    return modules
-
-
-_MODULES = _process_modules()
+_MODULES: dict[str, str] = {
+    name: f"{entry.name}.process"
+    for entry in pkgutil.walk_packages(__path__, f"{__name__}.")
+    if entry.ispkg
+    for name in getattr(importlib.import_module(entry.name), "PROCESSES", ())
+}
+"""The module that defines each Process, by the Process's name: every folder below this one has its own."""
 
 __all__ = list(_MODULES)
 

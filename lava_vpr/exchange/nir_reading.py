@@ -208,12 +208,9 @@ def _constants(node: Any, step: float) -> _Neurons:
     if not tau >= step * (1 - 1e-9):
         raise UnfitNetwork(f"has a time constant of {tau:g} s, less than a step of {step:g} s; say --time-step")
     decay = min(1.0, step / tau)
-    return _Neurons(decay if decay > 1e-8 else 0.0, _near(gain * decay), threshold, _one(node.v_leak, "v_leak") * decay)
-
-
-def _near(gain: float) -> float:
-    """``gain``, or 1 where only the rounding of a quotient keeps it from being that."""
-    return 1.0 if math.isclose(gain, 1.0, rel_tol=1e-12) else gain
+    gain *= decay
+    gain = 1.0 if math.isclose(gain, 1.0, rel_tol=1e-12) else gain  # which the rounding of a quotient keeps it from
+    return _Neurons(decay if decay > 1e-8 else 0.0, gain, threshold, _one(node.v_leak, "v_leak") * decay)
 
 
 def _one(values: NDArray[np.float64], name: str) -> float:

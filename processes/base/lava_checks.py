@@ -67,14 +67,6 @@ def loihi_available() -> str | None:
     return None
 
 
-def _has_sub_process_model(process: AbstractProcess) -> bool:
-    """Whether a run with ``select_sub_proc_model=True`` would have put others in the place of ``process``."""
-    from lava.magma.compiler.compiler_graphs import ProcGroupDiGraphs
-    from lava.magma.core.model.sub.model import AbstractSubProcessModel
-
-    return any(issubclass(model, AbstractSubProcessModel) for model in ProcGroupDiGraphs._find_proc_models(process))
-
-
 def refuse_cpu_models(process: AbstractProcess, run_cfg: RunConfig, allowed: tuple[type[Any], ...] = ()) -> Executable:
     """Compile a network for hardware and see that none of it would run on the CPU, which Lava does without a word.
 
@@ -88,7 +80,9 @@ def refuse_cpu_models(process: AbstractProcess, run_cfg: RunConfig, allowed: tup
     Raises:
         BackendUnavailableError: Processes would run on the CPU (all are named), or Lava cannot choose models here.
     """
+    from lava.magma.compiler.compiler_graphs import ProcGroupDiGraphs
     from lava.magma.core.model.py.model import AbstractPyProcessModel
+    from lava.magma.core.model.sub.model import AbstractSubProcessModel
 
     config = type(run_cfg).__name__
     try:
@@ -107,7 +101,8 @@ def refuse_cpu_models(process: AbstractProcess, run_cfg: RunConfig, allowed: tup
     if parts:
         on_cpu = sorted(f"{type(part).__name__} {part.name} ({part.model_class.__name__})" for part in parts)
         remedy = "write a model for the chip" if _loihi_installed() else f"install lava-loihi ({VENDOR})"
-        if any(_has_sub_process_model(part) for part in parts):
+        found = (model for part in parts for model in ProcGroupDiGraphs._find_proc_models(part))
+        if any(issubclass(model, AbstractSubProcessModel) for model in found):  # which the run did not ask for
             remedy = "pass select_sub_proc_model=True"
         raise BackendUnavailableError(
             f"{config} would run on the CPU: {', '.join(on_cpu)}; {remedy}, or use the backend lava-fixed"

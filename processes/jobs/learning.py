@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -23,13 +22,8 @@ LEARNING, LIBRARY, FOLDED = (f"lava_vpr.processes.jobs.learning:{name}" for name
 """The targets of `learning`, `library` and `folded`."""
 
 
-def options_of(learning: IntegerLearning) -> dict[str, Any]:
-    """A phase of learning as JSON values."""
-    return asdict(learning)
-
-
 def learning_of(options: Mapping[str, Any]) -> IntegerLearning:
-    """The phase of learning that `options_of` wrote."""
+    """The phase of learning that `dataclasses.asdict` wrote."""
     rule = dict(options["rule"], products=tuple((int(m), int(e)) for m, e in options["rule"]["products"]))
     return IntegerLearning(**{**options, "rule": WeightRule(**rule), "neurons": LifParameters(**options["neurons"])})
 
@@ -82,7 +76,8 @@ def learning(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> 
     Args:
         arrays: ``weights`` uint8 (inputs, neurons) and ``theta`` int32 (neurons,), the state at the start; ``rates``
             uint16 (n, inputs); ``keys`` uint64 (n,).
-        options: ``learning``: `options_of` the phase; optionally ``tag``: ``floating_pt`` instead of ``fixed_pt``.
+        options: ``learning``: the phase by `dataclasses.asdict`; optionally ``tag``: ``floating_pt`` instead of
+            ``fixed_pt``.
     Returns:
         After each presentation ``weights`` (n, inputs, neurons) and ``traces`` (n, inputs), uint8 or float64, and
         ``theta`` (n, neurons), int64 or float64; ``raster`` uint8 (n, interval, neurons).
@@ -110,7 +105,8 @@ def library(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> d
     Args:
         arrays: ``weights`` uint8 (inputs, neurons) and ``theta`` int32 (neurons,); ``rates`` uint16 (1, inputs);
             ``keys`` uint64 (1,).
-        options: ``learning``: `options_of` the phase; ``rng_seed``; optionally ``own``: in this project's models.
+        options: ``learning``: the phase by `dataclasses.asdict`; ``rng_seed``; optionally ``own``: in this project's
+            models.
     Returns:
         ``weights`` (inputs, neurons) and ``traces`` (inputs,) after it; ``raster`` uint8 (interval, neurons).
     """
@@ -132,8 +128,8 @@ def folded(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> di
     Args:
         arrays: ``weights`` uint8 (inputs, neurons) and ``theta`` int32 (neurons,), the host's at the start of the
             epoch; ``rates`` uint16 (n, inputs); ``keys`` uint64 (n,).
-        options: ``phases``: of each phase `options_of` its ``chip``, and the other fields of `FoldedPhase`; ``seeds``:
-            Lava's ``rng_seed`` of each epoch; ``epoch``.
+        options: ``phases``: of each phase its ``chip`` by `dataclasses.asdict`, and the other fields of `FoldedPhase`;
+            ``seeds``: Lava's ``rng_seed`` of each epoch; ``epoch``.
     Returns:
         Of each presentation the chip's ``weights`` (n, inputs, neurons) and ``traces`` (n, inputs) after it and the
         ``raster`` uint8 (n, interval, neurons); the host's ``host_weights`` and ``host_theta`` at the end.

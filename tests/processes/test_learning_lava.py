@@ -20,7 +20,7 @@ from lava_vpr.engine.learning.lava_order import LibraryDraws
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
-from lava_vpr.processes.jobs.learning import LEARNING, LIBRARY, options_of
+from lava_vpr.processes.jobs.learning import LEARNING, LIBRARY
 from lava_vpr.processes.networks.process import LearningPlaceNetwork
 from lava_vpr.processes.plastic_dense.process import FloatRule, PlasticDense
 
@@ -61,7 +61,7 @@ def through_lava(
     arrays = {"weights": state.weights, "theta": state.theta, "rates": rates, "keys": keys}
     reports: list[int] = []
     found = run_isolated(
-        LEARNING, arrays, {"learning": options_of(phase), **options}, timeout=240, progress=reports.append
+        LEARNING, arrays, {"learning": dataclasses.asdict(phase), **options}, timeout=240, progress=reports.append
     )
     assert sum(reports) <= len(keys)
     return found
@@ -114,7 +114,7 @@ def one_presentation(phase: IntegerLearning, given: Start | None = None, **optio
     """What Lava's library, or ``own`` models with its random numbers, make of the first presentation."""
     state, rates, keys = given or start()
     arrays = {"weights": state.weights, "theta": state.theta, "rates": rates[:1], "keys": keys[:1]}
-    return run_isolated(LIBRARY, arrays, {"learning": options_of(phase), "rng_seed": 7, **options}, timeout=120)
+    return run_isolated(LIBRARY, arrays, {"learning": dataclasses.asdict(phase), "rng_seed": 7, **options}, timeout=120)
 
 
 @pytest.mark.slow
