@@ -22,10 +22,9 @@ from lava_vpr.deploy.bundle.opening import open_whole
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.deploy.running import host_program
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError, BundleError
-from lava_vpr.model import Model, checked_network
+from lava_vpr.model import Model, checked_network, integer_model
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import temporary_folder
 
@@ -53,11 +52,9 @@ def bundle_of(model: Model, board: Board = KAPOHO_BAY) -> Iterator[ReadBundle]:
 
 def _same(one: Model, other: Model) -> bool:
     """Whether two models have the same integer network."""
-    own, their = one.network, other.network
-    if not isinstance(own, FixedNetwork) or not isinstance(their, FixedNetwork):
-        return False
-    arrays = ((own.weights, their.weights), (own.bias, their.bias))
-    return own.scalars == their.scalars and all(np.array_equal(one, two) for one, two in arrays)
+    own, their = (integer_model(model, "bundle").network for model in (one, other))
+    equal = np.array_equal(own.weights, their.weights) and np.array_equal(own.bias, their.bias)
+    return own.scalars == their.scalars and equal
 
 
 @dataclass(frozen=True)

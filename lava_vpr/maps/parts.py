@@ -179,9 +179,8 @@ def check_mergeable(models: Sequence[Model], paths: Sequence[Path] = ()) -> None
 
 def _measure_alike(one: Model, other: Model) -> bool:
     """Whether both measure vectors by the same standard, or neither has one."""
-    if one.standard is None or other.standard is None:
-        return one.standard is other.standard
-    return one.standard.same(other.standard)
+    own, their = one.standard, other.standard
+    return own is their if own is None or their is None else own.same(their)
 
 
 def check_positions(routes: Sequence[LearnedRoute]) -> None:

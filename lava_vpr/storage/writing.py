@@ -211,19 +211,14 @@ def temporary_folder() -> Iterator[Path]:
     folder: Path | None = None
     try:
         with held():
-            folder = _made()
+            try:
+                folder = Path(tempfile.mkdtemp(prefix=PREFIX))
+            except OSError as error:
+                raise LavaRunError(
+                    f"no temporary folder can be made ({error}); set TMPDIR to one that can be written"
+                ) from error
         yield folder
     finally:
         if folder is not None:
             with held():
                 shutil.rmtree(folder, ignore_errors=True)
-
-
-def _made() -> Path:
-    """Make the folder."""
-    try:
-        return Path(tempfile.mkdtemp(prefix=PREFIX))
-    except OSError as error:
-        raise LavaRunError(
-            f"no temporary folder can be made ({error}); set TMPDIR to one that can be written"
-        ) from error
