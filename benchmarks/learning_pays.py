@@ -26,6 +26,7 @@ from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays
 from lava_vpr.engine.presentations import cores
+from lava_vpr.experiments.grid import compute
 from lava_vpr.inputs.views import View, seen_as
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.recognition import DECODERS_ONLY, Comparison, Recognition, recognise
@@ -178,18 +179,24 @@ def answered(scenario: Scenario, config: Config, template: bool) -> Recognition:
     return recognise(model, encoded(scenario.queries, config), truth, comparison, pool=Pool(cores()))
 
 
-def compared(make: Callable[[int, Random], Scenario], parts: Sequence[int], seeds: Sequence[int]) -> list[str]:
-    """The cells of a scenario: of each way to learn, and of cosine."""
-    found: dict[str, list[Metrics]] = {name: [] for name in (*LEARNERS, "cosine")}
-    for part, seed in product(parts, seeds):
-        scenario = make(part, np.random.default_rng((seed, part)))
-        for name, learning in LEARNERS.items():
+def measured(make: Callable[[int, Random], Scenario], point: tuple[int, int]) -> dict[str, Metrics]:
+    """What each way to learn reaches in a scenario of a part with a seed, and cosine, as far as that is shown."""
+    part, seed = point
+    scenario, found = make(part, np.random.default_rng((seed, part))), {}
+    for name, learning in LEARNERS.items():
+        if scenario.rivals or name != "templates":
             settings = update(preset("loihi"), {"learning": dict(learning), "seed": seed})
             result = answered(scenario, settings, name == "templates")
-            found[name].append(result.metrics[result.default])
-            if name == "STDP":
-                found["cosine"].append(result.metrics["cosine"])
-    return [recall(each) if scenario.rivals or name.startswith("STDP") else "" for name, each in found.items()]
+            found[name] = result.metrics[result.default]
+            if scenario.rivals and name == "STDP":
+                found["cosine"] = result.metrics["cosine"]
+    return found
+
+
+def compared(make: Callable[[int, Random], Scenario], parts: Sequence[int], seeds: Sequence[int]) -> list[str]:
+    """The cells of a scenario: of each way to learn, and of cosine."""
+    found = list(compute(measured, list(product(parts, seeds)), shared=make).values())
+    return [recall([one[name] for one in found]) if name in found[0] else "" for name in (*LEARNERS, "cosine")]
 
 
 def drives(config: Config, world: int, gated: bool) -> Iterator[Metrics]:

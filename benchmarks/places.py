@@ -17,6 +17,7 @@ from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse, encode_views
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError
+from lava_vpr.experiments.grid import compute
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.learning.references import encode_route
 from lava_vpr.model import Model
@@ -155,10 +156,12 @@ def recognised(
     """What models of each seed make of queries; vectors are fitted on the references, images seen in the views."""
     config, standard, learned = encode_route([references], config)
     asked = encode_traverse(queries, config.encoder, Keep.ALL, standard=standard)
-    models = (
-        train(learned, dataclasses.replace(config, seed=seed), standard=standard, pool=Pool(cores())) for seed in seeds
-    )
-    return [recognise(model, asked, truth, comparison, pool=Pool(cores())) for model in models]
+
+    def of_seed(shared: None, seed: int) -> Recognition:
+        model = train(learned, dataclasses.replace(config, seed=seed), standard=standard, pool=Pool(cores()))
+        return recognise(model, asked, truth, comparison, pool=Pool(cores()))
+
+    return list(compute(of_seed, seeds).values())
 
 
 def learned(section: PlacesSection, config: Config) -> Model:

@@ -22,8 +22,7 @@ import click
 import numpy as np
 
 from benchmarks.places import TEMPLATES, PlacesSection, learned, places
-from benchmarks.program import Printed, program
-from benchmarks.searching import MARGIN, RECALL, Log, recalls
+from benchmarks.program import MARGIN, RECALL, Log, Printed, program, recalls
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY

@@ -1,12 +1,14 @@
-"""What benchmarks share as programs: images that must be there, errors of one line, tables printed and recorded."""
+"""What benchmarks share as programs: images that must be there, errors of one line, tables printed and recorded; of
+searches for settings how recall counts, and a log with a line for every setting that was tried."""
 
 from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
@@ -16,6 +18,7 @@ from rich.console import Console
 from benchmarks import figures
 from benchmarks.places import required
 from lava_vpr.errors import LavaVprError
+from lava_vpr.experiments.search import Settings, Trial
 from lava_vpr.matching.evaluation import Metrics, Recall
 from lava_vpr.show.table import Table
 
@@ -128,3 +131,36 @@ def elapsed(run: Callable[[], object]) -> Callable[[], float]:
         return time.perf_counter() - started
 
     return seconds
+
+
+RECALL = np.array((0.6, 0.15, 0.25))
+"""What R@1, R@100P and AUC count in a score."""
+MARGIN = 0.5
+"""Points of score below which a difference is noise: a query in 200, twice the standard error over eight seeds."""
+
+
+class Log:
+    """Writes lines to the terminal and to a file, which it empties first."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        path.write_text("")
+
+    def write(self, line: str) -> None:
+        """Write a line."""
+        click.echo(line)
+        with self._path.open("a") as file:
+            file.write(line + "\n")
+
+    def chosen(self, trials: Iterable[Trial[Any]], told: Callable[[Any], str]) -> Settings:
+        """The settings that a search ends at; ``told`` is what their result is in the log."""
+        best: Settings = {}
+        for trial in trials:
+            self.write(f"  {trial.name:44s} {trial.error or told(trial.result)}{' *' if trial.kept else ''}")
+            best = trial.settings if trial.kept else best
+        return best
+
+
+def recalls(values: Iterable[Iterable[float]]) -> str:
+    """R@1/R@100P/AUC in percent of some places."""
+    return "  ".join("/".join(f"{value:5.1f}" for value in row) for row in values)

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.places import PlacesSection
-from benchmarks.program import Printed, program
+from benchmarks.program import MARGIN, RECALL, Log, Printed, program, recalls
 from benchmarks.results.rows import ResultRow, measure
-from benchmarks.searching import MARGIN, RECALL, Log, recalls
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.experiments.search import Settings, descend
