@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import click
@@ -23,8 +22,7 @@ from benchmarks.results.rows import PRINTED, Record, ResultRow, asked, measure
 from benchmarks.results.tables import DEFAULT, FIVE, PAPERS, SIMPLEST
 from lava_vpr.config import INPUT_MODES, preset
 from lava_vpr.configfile import update
-from lava_vpr.deploy.bundle.folder import ReadBundle
-from lava_vpr.deploy.bundle.learning import learned_on_chip, learning_files, read_learning
+from lava_vpr.deploy.bundle.learning import learned_on_chip
 from lava_vpr.engine.presentations import cores
 
 ON_CHIP = "integers, as the chip can: no floor, no rest, thresholds folded"
@@ -86,12 +84,11 @@ TABLES: dict[str, list[ResultRow]] = {
 
 
 def figures(row: ResultRow, section: PlacesSection, seed: int) -> dict[str, list[float]]:
-    """The figures of a section; `ON_CHIP` is learned again from the files that a bundle of the float model holds."""
+    """The figures of a section; `ON_CHIP` is learned again as a bundle of the float model says."""
     if row.name != ON_CHIP:
         return measure(row, section, seed)
     model = learned(section, replace(row.config, seed=seed))
-    files = read_learning(ReadBundle(Path("memory"), {}, learning_files(model)))
-    return asked(row, learned_on_chip(model, files, cores()), section)
+    return asked(row, learned_on_chip(model, cores()), section)
 
 
 def lines(row: ResultRow, seeds: Sequence[int]) -> list[list[str]]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,60 +85,27 @@ def core_images(bundle: ReadBundle) -> tuple[CoreImage, ...]:
     """Every core of a bundle, by chip and core.
 
     Raises:
-        BundleError: a file is missing, too much or of the wrong kind, or counts from below 0.
+        BundleError: a file is missing, too much or of the wrong kind.
     """
     board, images = BOARDS[bundle.target], []
-    for folder, files in sorted(_core_folders(bundle).items()):
+    folders: defaultdict[str, set[str]] = defaultdict(set)
+    for folder, _, file in (name.rpartition("/") for name in bundle.files if name.startswith(f"{CORES}/")):
+        folders[folder].add(file)
+    for folder, files in sorted(folders.items()):
         known = _CORE.fullmatch(folder)
-        chip, core = (int(known[1]), int(known[2])) if known is not None else (-1, -1)
-        if not (0 <= chip < board.chips and 0 <= core < board.cores) or files != _CORE_FILES:
+        chip, core = (int(known[1]), int(known[2])) if known is not None else (board.chips, board.cores)
+        if chip >= board.chips or core >= board.cores or files != _CORE_FILES:
             raise BundleError(f"{bundle.at(folder)}: is no core of {board.title}, or lacks files; {AGAIN}")
         arrays = {name: bundle.array(f"{folder}/{name}.npy", *CORE_ARRAYS[name]) for name in CORE_ARRAYS}
-        for name in ("axons_in", "axons_out"):
-            _from_0(bundle, f"{folder}/{name}.npy", arrays[name])
         images.append(CoreImage(chip=chip, core=core, registers=bundle.json(f"{folder}/registers.json"), **arrays))
-    if not images:
-        raise BundleError(f"{bundle.at(CORES)}: holds no core; {AGAIN}")
     return tuple(images)
-
-
-def _core_folders(bundle: ReadBundle) -> dict[str, set[str]]:
-    """The folders of cores, and the names of the files in each."""
-    found: dict[str, set[str]] = {}
-    for name in bundle.files:
-        folder, _, file = name.rpartition("/")
-        if name.startswith(f"{CORES}/"):
-            found.setdefault(folder, set()).add(file)
-    return found
-
-
-def _from_0(bundle: ReadBundle, file: str, numbers: NDArray[np.int32]) -> NDArray[np.int32]:
-    """``numbers`` of chips, cores, compartments and axons, none of them below 0, which would count from the end.
-
-    Raises:
-        BundleError: naming one that is.
-    """
-    if numbers.min(initial=0) < 0:
-        raise BundleError(f"{bundle.at(file)}: names number {numbers.min()}, but numbers count from 0; {AGAIN}")
-    return numbers
-
-
-def within(bundle: ReadBundle, file: str, name: str, values: NDArray[Any], end: int, first: int = 0) -> None:
-    """Refuse ``values`` of a bundle's file that are not all in ``first`` .. ``end`` - 1.
-
-    Raises:
-        BundleError: naming one that is not.
-    """
-    wrong = (values < first) | (values >= end)
-    if wrong.any():
-        raise BundleError(f"{bundle.at(file)}: names {name} {values[wrong][0]}, of {first}..{end - 1}; {AGAIN}")
 
 
 def host_tables(bundle: ReadBundle) -> HostTables:
     """Where spikes go in and out of a bundle's cores.
 
     Raises:
-        BundleError: a file is missing or of the wrong kind, or counts from below 0.
+        BundleError: a file is missing or of the wrong kind.
     """
     network = rebuilding.outline(scalars(bundle))
     counts: dict[str, int | str] = {
@@ -147,13 +115,8 @@ def host_tables(bundle: ReadBundle) -> HostTables:
         "counters": network.neurons,
         "inh": network.inhibitory,
     }
-    files = {name: HOST_TABLE.format(name) for name in HOST_TABLES}
-    return HostTables(
-        **{
-            name: _from_0(bundle, file, bundle.array(file, np.int32, (counts[name], HOST_TABLES[name])))
-            for name, file in files.items()
-        }
-    )
+    shapes = {name: (counts[name], columns) for name, columns in HOST_TABLES.items()}
+    return HostTables(**{name: bundle.array(HOST_TABLE.format(name), np.int32, shapes[name]) for name in shapes})
 
 
 def scalars(bundle: ReadBundle) -> Mapping[str, int]:
@@ -188,11 +151,9 @@ def network(bundle: ReadBundle) -> FixedNetwork:
     Raises:
         BundleError: a file is missing or of the wrong kind, or differs from what this version writes of that network.
     """
+    parts = core_images(bundle), host_tables(bundle)
     try:
-        images, tables = core_images(bundle), host_tables(bundle)
-        return rebuilding.network_of(images, tables, scalars(bundle), BOARDS[bundle.target])
-    except BundleError:
-        raise
+        return rebuilding.network_of(*parts, scalars(bundle), BOARDS[bundle.target])
     except ModelFileError as error:
         raise BundleError(f"{bundle.at(CORES)}: {error}") from None
 

@@ -11,31 +11,33 @@ import hashlib
 import io
 import json
 import os
+import re
 import shutil
 import stat
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from lava_vpr.deploy.boards.board import BOARDS
-from lava_vpr.deploy.bundle.listing import BundleLimitError, Facts, listed_files, strict_json
 from lava_vpr.errors import BundleError, brief
 from lava_vpr.interrupts import held
 from lava_vpr.settings.ranges import whole
 from lava_vpr.storage.arrays import Shape, array_of
 from lava_vpr.storage.limits import excess
-from lava_vpr.storage.reading import open_regular, read_bytes
+from lava_vpr.storage.reading import open_regular, parse_json, read_bytes
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import read_only, temporary_prefix
 
 FORMAT, VERSION = "lava-vpr bundle", 1
 MANIFEST = "manifest.json"
 AGAIN = "deploy the model again or fetch an intact copy"
+_NAME = re.compile(r"(?!.{201})[A-Za-z0-9_][A-Za-z0-9._-]*(/[A-Za-z0-9_][A-Za-z0-9._-]*)*")
+"""Names of files: plain letters, digits, ``.``, ``_`` and ``-``, at most 200, and below the folder."""
 
 
 @dataclass(frozen=True)
@@ -96,14 +98,24 @@ class ReadBundle:
         if beyond is not None:
             raise BundleError(f"{self.at(name)}: has {beyond}")
         try:
-            return strict_json(data)
+            return _strict_json(data)
         except ValueError as error:
             raise BundleError(f"{self.at(name)}: is no JSON ({error}); {AGAIN}") from None
 
-    def folders(self, under: str) -> tuple[str, ...]:
-        """Folders below ``under`` that hold files, sorted."""
-        names = (PurePosixPath(name) for name in self.files)
-        return tuple(sorted({str(name.parent) for name in names if name.parent.parent == PurePosixPath(under)}))
+    def demand(self, files: Mapping[str, bytes]) -> None:
+        """Refuse the bundle unless it holds these ``.json`` and ``.npy`` files, with the same values if not bytes.
+
+        Raises:
+            BundleError: naming one that is missing or has other values.
+        """
+        for name, data in files.items():
+            if name.endswith(".json"):
+                equal = _same_json(self.json(name), json.loads(data))
+            else:
+                array = array_of(data)
+                equal = np.array_equal(self.array(name, array.dtype, array.shape), array)
+            if not equal:
+                raise BundleError(f"{self.at(name)}: contradicts the rest of the bundle; {AGAIN}")
 
 
 def array_bytes(array: NDArray[Any]) -> bytes:
@@ -119,9 +131,27 @@ def json_bytes(value: Any) -> bytes:
     return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
 
 
-def same_json(one: Any, other: Any) -> bool:
+def _same_json(one: Any, other: Any) -> bool:
     """Whether two values are equal as JSON has them: true and 1.0 are not 1."""
     return json.dumps(one, sort_keys=True) == json.dumps(other, sort_keys=True)
+
+
+def _strict_json(data: bytes) -> Any:
+    """The value of JSON of which two readers cannot think differently.
+
+    Raises:
+        ValueError: no JSON, or one that breaks its reader (`lava_vpr.storage.reading.parse_json`), or an object that
+            says a key twice.
+    """
+    return parse_json(data, object_pairs_hook=_without_repeats)
+
+
+def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("an object says a key twice")
+    return found
 
 
 def self_digest(manifest: Mapping[str, Any]) -> str:
@@ -159,7 +189,7 @@ def check_replaceable(path: Path) -> None:
     if not any(path.iterdir()):
         return
     try:
-        manifest = strict_json(read_bytes(path / MANIFEST, "bundle_json_bytes"))
+        manifest = _strict_json(read_bytes(path / MANIFEST, "bundle_json_bytes"))
         ours = manifest["format"] == FORMAT and isinstance(manifest["files"], dict)
         known = {*manifest["files"], MANIFEST} if ours else set()
     except (OSError, ValueError, KeyError, TypeError):
@@ -247,8 +277,8 @@ def _put(new: Path, path: Path) -> None:
         aside.rename(new)
 
 
-def _manifest(path: Path) -> tuple[dict[str, Any], dict[str, Facts]]:
-    """The manifest of a bundle, itself intact, and the files that it lists.
+def _manifest(path: Path) -> dict[str, Any]:
+    """The manifest of a bundle, itself intact.
 
     Raises:
         BundleError: see `load`.
@@ -258,7 +288,7 @@ def _manifest(path: Path) -> tuple[dict[str, Any], dict[str, Facts]]:
         what = "is not a bundle, which is a folder" if path.exists() else "does not exist"
         raise BundleError(f"{shown(path)}: {what}; give a folder written by `lava-vpr deploy`")
     try:
-        manifest = strict_json(read_bytes(path / MANIFEST, "bundle_json_bytes"))
+        manifest = _strict_json(read_bytes(path / MANIFEST, "bundle_json_bytes"))
     except FileNotFoundError:
         raise BundleError(
             f"{shown(path)}: holds no {MANIFEST}, so it is no bundle; give a model file or a folder written by "
@@ -283,12 +313,33 @@ def _manifest(path: Path) -> tuple[dict[str, Any], dict[str, Facts]]:
         raise BundleError(f"{file}: was altered (checksum differs); {AGAIN}")
     if not isinstance(target, str) or target not in BOARDS:
         raise BundleError(f"{file}: is for the unknown board {brief(target)}; {AGAIN}")
-    try:
-        return manifest, listed_files(manifest.get("files"), MANIFEST)
-    except BundleLimitError as error:
-        raise BundleError(f"{file}: {error}") from None
-    except ValueError as error:
-        raise BundleError(f"{file}: {error}; {AGAIN}") from None
+    _check_listed(manifest.get("files"), file)
+    return manifest
+
+
+def _check_listed(listed: object, file: str) -> None:
+    """Refuse a list of files that is none, is beyond the limits, or leads out of the bundle.
+
+    Args:
+        listed: What the manifest says: length and SHA-256 of each file by its name; names differ by more than case.
+        file: The manifest, for messages.
+    Raises:
+        BundleError: naming what is wrong.
+    """
+    if not isinstance(listed, dict):
+        raise BundleError(f"{file}: lists {brief(listed)} instead of its files; {AGAIN}")
+    beyond, seen, length = excess("bundle_files", len(listed)), {MANIFEST}, 0
+    for name, facts in listed.items() if beyond is None else ():
+        if not _NAME.fullmatch(name) or name.lower() in seen:
+            raise BundleError(f"{file}: names {brief(name)}, which is not in the bundle; {AGAIN}")
+        known = isinstance(facts, dict) and set(facts) == {"bytes", "sha256"}
+        if not known or not whole(facts["bytes"]) or facts["bytes"] < 0:
+            raise BundleError(f"{file}: says {brief(facts)} of {name}, not its bytes and sha256; {AGAIN}")
+        seen.add(name.lower())
+        length += facts["bytes"]
+    beyond = beyond or excess("bundle_bytes", length)
+    if beyond is not None:
+        raise BundleError(f"{file}: lists {beyond}")
 
 
 def load(path: Path) -> ReadBundle:
@@ -299,23 +350,23 @@ def load(path: Path) -> ReadBundle:
     Raises:
         BundleError: missing, foreign, of another version, altered, truncated, beyond the limits, or with files missing.
     """
-    manifest, listed = _manifest(path)
+    manifest = _manifest(path)
     files, inside = {}, os.path.realpath(path) + os.sep
-    for name, facts in listed.items():
+    for name, facts in manifest["files"].items():
         at = shown(path / name)
         try:
             if not os.path.realpath(path / name).startswith(inside):
                 raise BundleError(f"{at}: is a link that leads out of the bundle; put the file itself there")
             with open_regular(path / name) as file:
                 length = os.fstat(file.fileno()).st_size
-                data = file.read(length) if length == facts.length else b""
+                data = file.read(length) if length == facts["bytes"] else b""
         except FileNotFoundError:
             raise BundleError(f"{at}: is missing from the bundle; {AGAIN}") from None
         except OSError as error:
             raise BundleError(f"{at}: cannot be read ({error.strerror}); check it and its permissions") from None
-        if length != facts.length or len(data) != length:
-            raise BundleError(f"{at}: has {length:,} bytes instead of {facts.length:,}; {AGAIN}")
-        if hashlib.sha256(data).hexdigest() != facts.digest:
+        if length != facts["bytes"] or len(data) != length:
+            raise BundleError(f"{at}: has {length:,} bytes instead of {facts['bytes']:,}; {AGAIN}")
+        if hashlib.sha256(data).hexdigest() != facts["sha256"]:
             raise BundleError(f"{at}: was altered (checksum differs); {AGAIN}")
         files[name] = data
     return ReadBundle(path, manifest, files)

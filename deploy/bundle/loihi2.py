@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.boards.clearing import check_reset
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT
 from lava_vpr.deploy.bundle import effort
-from lava_vpr.deploy.bundle.core_files import BundlePlayer, BundleSpikes, within
-from lava_vpr.deploy.bundle.folder import AGAIN, ReadBundle, array_bytes, json_bytes, same_json
+from lava_vpr.deploy.bundle.core_files import BundlePlayer, BundleSpikes
+from lava_vpr.deploy.bundle.folder import AGAIN, ReadBundle, array_bytes, json_bytes
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses
@@ -26,8 +26,8 @@ from lava_vpr.engine.general.simulation import simulate as run_general
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.biases import LEVEL, THRESHOLD, bias_registers
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
-from lava_vpr.errors import BundleError, NetworkLimitError, brief
-from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, NO_MEMORY_DECAY, WEIGHT_BITS
+from lava_vpr.errors import BundleError, NetworkLimitError
+from lava_vpr.loihi import NO_MEMORY_DECAY, WEIGHT_BITS
 from lava_vpr.settings.ranges import whole
 
 WEIGHTS, BIAS, PARAMETERS = "network/weights.npy", "network/bias.npy", "network/parameters.json"
@@ -125,28 +125,19 @@ def network_of(files: Mapping[str, bytes], path: Path = Path()) -> FixedNetwork:
     if 0 in weights.shape:
         raise BundleError(f"{bundle.at(WEIGHTS)}: is empty, {weights.shape}; {AGAIN}")
     bias = bundle.array(BIAS, np.int32, weights.shape[:1])
-    within(bundle, BIAS, "bias mantissa", bias, 1 << BIAS_BITS, 1 - (1 << BIAS_BITS))
     try:
         numbers = {name: parameters["network"][name] for name in SCALARS}
-        exponent = parameters["exc"]["bias_exp"]
-        if not all(whole(number) and 0 <= number < 1 << 31 for number in (exponent, *numbers.values())):
-            raise ValueError
-        spare = WEIGHT_BITS - numbers["bits"]
-        if not 0 <= spare < WEIGHT_BITS or exponent > BIAS_EXPONENT_LIMIT:
+        exponent, spare = parameters["exc"]["bias_exp"], WEIGHT_BITS - numbers["bits"]
+        if not all(whole(number) and 0 <= number < 1 << 31 for number in (exponent, spare, *numbers.values())):
             raise ValueError
         network = FixedNetwork.of_scalars(np.ascontiguousarray((weights >> spare).T), bias << exponent, numbers)
-        expected = parameters_of(network)
+        files = network_files(network)
     except (KeyError, TypeError, ValueError, NetworkLimitError) as error:
         reason = f" ({error})" if isinstance(error, NetworkLimitError) else ""
         raise BundleError(
             f"{bundle.at(PARAMETERS)}: describes no network that Loihi 2 can run{reason}; {AGAIN}"
         ) from None
-    for name in sorted({*expected, *parameters}):
-        held = name in expected and name in parameters
-        if not held or not same_json(parameters[name], expected[name]):
-            raise BundleError(f"{bundle.at(PARAMETERS)}: {brief(name)} contradicts the rest of the bundle; {AGAIN}")
-    if not np.array_equal(network.stored[0], weights):
-        raise BundleError(f"{bundle.at(WEIGHTS)}: holds more than the {WEIGHT_BITS - spare} bits of a weight; {AGAIN}")
+    bundle.demand(files)
     return network
 
 

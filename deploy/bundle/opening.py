@@ -40,7 +40,10 @@ def open_whole(path: Path) -> OpenedBundle:
     """
     whole_bundle = bundle_folder.load(path)
     at, stated, target = whole_bundle.at(MANIFEST), scalars(whole_bundle), TARGETS[whole_bundle.target]
-    _check_host_spikes(whole_bundle)
+    limits, most = whole_bundle.manifest.get("limits"), BOARDS[whole_bundle.target].host_spikes
+    spikes = limits.get("host_spikes") if isinstance(limits, dict) else None
+    if most < UNLIMITED and not (isinstance(spikes, int) and whole(spikes) and 0 <= spikes <= most):
+        raise BundleError(f"{at}: has host_spikes {brief(spikes)}, of 0..{most}; {AGAIN}")
     references = References.of(whole_bundle, stated)
     rebuilt = target.network(whole_bundle)
     for name, number in {"inputs": rebuilt.inputs, "neurons": rebuilt.neurons, **rebuilt.scalars}.items():
@@ -57,15 +60,3 @@ def open_whole(path: Path) -> OpenedBundle:
 def open_bundle(path: Path) -> Model:
     """The model in the bundle at ``path``; see `open_whole`."""
     return open_whole(path).model
-
-
-def _check_host_spikes(bundle: ReadBundle) -> None:
-    """Refuse a bundle that lets the host send more spikes than its board takes.
-
-    Raises:
-        BundleError: it does.
-    """
-    most, limits = BOARDS[bundle.target].host_spikes, bundle.manifest.get("limits")
-    told = limits.get("host_spikes") if isinstance(limits, dict) else None
-    if most < UNLIMITED and not (isinstance(told, int) and whole(told) and 0 <= told <= most):
-        raise BundleError(f"{bundle.at(MANIFEST)}: has host_spikes {brief(told)}, of 0..{most}; {AGAIN}")

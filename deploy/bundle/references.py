@@ -36,6 +36,20 @@ def reference_files(model: Model) -> dict[str, bytes]:
     }
 
 
+def rates_of(bundle: ReadBundle, name: str, expected: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    """The rates (images, inputs) of references in the file ``name``, which are ``expected`` but for the machine.
+
+    Machines may add the responses of an image in another order: a rate can differ by one unit.
+
+    Raises:
+        BundleError: they differ by more.
+    """
+    rates = bundle.array(name, np.uint16, expected.shape)
+    if np.abs(rates - expected.astype(np.int32)).max(initial=0) > 1:
+        raise BundleError(f"{bundle.at(name)}: are not the rates of the references; {AGAIN}")
+    return rates
+
+
 @dataclass(frozen=True)
 class References:
     """The references in a bundle, as far as they can be checked without its network.
@@ -79,19 +93,11 @@ class References:
         """
         bundle = self.bundle
         model = assemble(bundle.path / REFERENCES, self.header, self.arrays, network)
-        images, said = len(model.labels), bundle.manifest["network"].get("places", model.places)
+        said = bundle.manifest["network"].get("places", model.places)
         if not whole(said) or said != model.places:
             raise BundleError(f"{bundle.at(MANIFEST)}: says places {brief(said)}, but holds {model.places}; {AGAIN}")
-        rates = bundle.array(RATES, np.uint16, (images, network.inputs))
-        keys = bundle.array(KEYS, np.uint64, (images,))
-        own: dict[str, NDArray[Any]] = {RESPONSES: model.responses.astype(np.int32), LABELS: model.labels}
-        for name, array in own.items():
-            if not np.array_equal(bundle.array(name, array.dtype, array.shape), array):
-                raise BundleError(f"{bundle.at(name)}: differs from what {REFERENCES} says; {AGAIN}")
-        # Machines may add the responses of an image in another order: a rate can differ by one unit.
-        expected = query_rates16(model.activity, model.config.encoder).astype(np.int32)
-        if (abs(rates - expected) > 1).any():
-            raise BundleError(f"{bundle.at(RATES)}: are not the rates of the references; {AGAIN}")
-        if not np.array_equal(keys, response_keys(rates, model.config.seed)):
-            raise BundleError(f"{bundle.at(KEYS)}: are not the keys of the references; {AGAIN}")
+        rates = rates_of(bundle, RATES, query_rates16(model.activity, model.config.encoder))
+        keys, responses = response_keys(rates, model.config.seed), model.responses.astype(np.int32)
+        own: dict[str, NDArray[Any]] = {KEYS: keys, RESPONSES: responses, LABELS: model.labels}
+        bundle.demand({name: array_bytes(array) for name, array in own.items()})
         return model

@@ -145,7 +145,7 @@ def deploy(
             dense_rows=dense_rows,
             learning=learning,
         )
-    learned = _learned(deployed, model, calibration) if learning and calibration is not None else None
+    learned = _learned(model, calibration) if learning and calibration is not None else None
     compared = [] if compressed.before is None else [_figures(compressed, learned)]
     said = placed(deployed.plan, compressed.notes, unproven(deployed.plan, learning=learning))
     values = _values(model, compressed, deployed, learned)
@@ -197,12 +197,12 @@ def _compressed(
         return search(model, board, calibration, max_loss, changes, threads=cores(), begin=begin)
 
 
-def _learned(deployed: Deployed, model: Model, calibration: Calibration) -> CompressionFigures:
-    """What the bundle's network that learns reaches, trained from the bundle's own files."""
-    from lava_vpr.deploy.bundle.learning import learned_on_chip, read_learning
+def _learned(model: Model, calibration: Calibration) -> CompressionFigures:
+    """What the bundle's network that learns reaches, trained as its files say."""
+    from lava_vpr.deploy.bundle.learning import learned_on_chip
 
     with progress_bar("learning as on the chip", 1):
-        return figures(learned_on_chip(model, read_learning(deployed.bundle), cores()), calibration, threads=cores())
+        return figures(learned_on_chip(model, cores()), calibration, threads=cores())
 
 
 def _figures(compressed: Compressed, learned: CompressionFigures | None) -> Table:

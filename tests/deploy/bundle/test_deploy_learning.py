@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,15 @@ from numpy.typing import NDArray
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.bundle.folder import ReadBundle, json_bytes
-from lava_vpr.deploy.bundle.learning import ChipLearning, chip_learning, learned_on_chip, learning_files, read_learning
-from lava_vpr.encoding import EncodedTraverse, draw_spikes
+from lava_vpr.deploy.bundle.learning import (
+    SETTINGS,
+    ChipLearning,
+    check_learning,
+    chip_learning,
+    learned_on_chip,
+    learning_files,
+)
+from lava_vpr.encoding import EncodedTraverse, draw_spikes, rates16
 from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.learning.integer import IntegerState, present
@@ -58,22 +66,37 @@ def model(request: pytest.FixtureRequest) -> Model:
     return train([traverse(config, 1), traverse(config, 2)], config)
 
 
-def bundle_of(model: Model) -> ReadBundle:
-    """Its learning files, as a bundle would hold them."""
-    return ReadBundle(Path("memory"), {}, learning_files(model))
+def bundle_of(model: Model, **changes: Any) -> ReadBundle:
+    """Its learning files, as a bundle would hold them, the description of the first stretch with ``changes``."""
+    files = learning_files(model)
+    told = json.loads(files[SETTINGS])
+    told["stretches"][0] |= changes
+    return ReadBundle(Path("memory"), {}, files | {SETTINGS: json_bytes(told)})
 
 
-def test_what_is_read_is_what_was_written(model: Model) -> None:
-    written, read = chip_learning(model), read_learning(bundle_of(model))
-    assert len(read) == len(written) == 2
-    for one, other in zip(written, read, strict=True):
-        assert one.phases == other.phases
-        assert one.seeds == other.seeds
-        for name in ("epochs", "images", "keys", "rates"):
-            assert np.array_equal(getattr(one, name), getattr(other, name))
-        assert np.array_equal(one.start.weights, other.start.weights)
-        assert np.array_equal(one.start.theta, other.start.theta)
+def test_what_is_written_is_of_the_model(model: Model) -> None:
     assert learning_files(model) == learning_files(model), "not the same bytes"
+    check_learning(bundle_of(model), model)
+    with pytest.raises(BundleError, match=r"learning.json: contradicts the rest of the bundle; deploy the model again"):
+        check_learning(bundle_of(model, again=9), model)
+    other = replace(model, config=small_config(trains=model.config.learning.trains, eta=0.7))
+    with pytest.raises(BundleError, match=r"learning/\S+: contradicts the rest of the bundle; deploy the model again"):
+        check_learning(bundle_of(other), model)
+    fractional = replace(model, config=small_config(tau_trace=10.5))
+    with pytest.raises(BundleError, match=r"learning.json: cannot be used \(learning.tau_trace is 10.5, .*\); deploy"):
+        check_learning(bundle_of(model), fractional)
+
+
+def test_rates_may_differ_by_what_machines_do(model: Model) -> None:
+    """A rate of another machine is another key of its image, so that all that follows from it is another, too."""
+    rates = rates16(model.activity, model.config.encoder.train_spikes)
+    rates[0] += 1
+    files = learning_files(model, rates)
+    assert files["learning/stretch000/keys.npy"] != learning_files(model)["learning/stretch000/keys.npy"]
+    check_learning(ReadBundle(Path("memory"), {}, files), model)
+    rates[0] += 1
+    with pytest.raises(BundleError, match=r"learning/rates.npy: are not the rates of the references; deploy"):
+        check_learning(ReadBundle(Path("memory"), {}, learning_files(model, rates)), model)
 
 
 def test_the_schedule_is_trainings_own(model: Model) -> None:
@@ -203,15 +226,16 @@ def test_lavas_library_learns_the_same(model: Model, epoch: int) -> None:
     """LearningDense and LIFReset alone, both phases: every spike, weight and trace of several presentations."""
     from lava_vpr.processes.jobs.learning import FOLDED
 
-    part = read_learning(bundle_of(model))[1]
+    part = chip_learning(model)[1]
     trainer = part.trainer()
     trainer.begin_epoch(0)
     for image, key in zip(part.images[:4], part.keys[:4], strict=True):
         trainer.present(part.rates[image], int(key))
     state = {name: value.copy() for name, value in trainer.state().items()}
-    arrays, options = part.job(3)
-    arrays |= {"weights": state["weights"], "theta": state["theta"]}
-    got = run_isolated(FOLDED, arrays, options | {"epoch": epoch}, timeout=300)
+    arrays = {"weights": state["weights"], "theta": state["theta"], "rates": part.rates[part.images[:3]]}
+    arrays["keys"] = part.keys[:3]
+    options = {"phases": [asdict(phase) for phase in part.phases], "seeds": list(part.seeds), "epoch": epoch}
+    got = run_isolated(FOLDED, arrays, options, timeout=300)
     trainer.begin_epoch(epoch)
     spikes = 0
     for k in range(3):
@@ -257,7 +281,7 @@ def test_silent_steps_change_nothing_but_what_is_drawn(model: Model) -> None:
 
 
 def test_what_is_learned_recognises_its_places(model: Model) -> None:
-    learned = learned_on_chip(model, read_learning(bundle_of(model)), 1)
+    learned = learned_on_chip(model, 1)
     assert isinstance(learned.network, FixedNetwork)
     assert learned.network.weights.shape == model.network.weights.shape
     own = learned.responses.argmax(axis=0)
@@ -273,22 +297,3 @@ def test_what_cannot_be_learned_on_the_chip_is_told(model: Model) -> None:
         match=r"^learning on the chip needs an integer network, but preset paper is the float conductance model",
     ):
         learning_files(replace(model, config=preset("paper")))
-
-
-def test_a_bundle_without_or_with_garbled_learning(model: Model) -> None:
-    with pytest.raises(BundleError, match="holds no network that learns; deploy the model with --learning"):
-        read_learning(ReadBundle(Path("memory"), {}, {}))
-    files = learning_files(model)
-    told = bundle_of(model).json("learning/learning.json")
-    told["stretches"][0]["phases"][0]["learning_rule"]["dw"] = "2^-1*y0*(x1-1)"
-    with pytest.raises(BundleError, match=r"learning.json: lacks or garbles dw .* not the sum of its products"):
-        read_learning(ReadBundle(Path("memory"), {}, {**files, "learning/learning.json": json_bytes(told)}))
-    told = bundle_of(model).json("learning/learning.json")
-    told["stretches"][0]["phases"][0]["silent_steps"] = 3
-    with pytest.raises(
-        BundleError, match=r"lacks or garbles a presentation takes 63 steps, but Loihi 2 resets .* 32 or 64"
-    ):
-        read_learning(ReadBundle(Path("memory"), {}, {**files, "learning/learning.json": json_bytes(told)}))
-    del told["stretches"][0]["phases"]
-    with pytest.raises(BundleError, match=r"learning.json: lacks or garbles 'phases'; deploy"):
-        read_learning(ReadBundle(Path("memory"), {}, {**files, "learning/learning.json": json_bytes(told)}))

@@ -97,6 +97,7 @@ def text(name: str, data: bytes) -> Callable[[Told, Files], None]:
 
 
 REGISTERS, PARAMETERS, LEARNING = f"{CORE}/registers.json", loihi2.PARAMETERS, "learning/learning.json"
+STRETCH = "learning/stretch000"
 PHASE = ("stretches", 0, "phases", 0)
 KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
     "steps of 10^9": (number("steps", 10**9), MANIFEST, "steps 1000000000, of 1..100000"),
@@ -144,8 +145,8 @@ KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
     ),
     "a source of nobody": (
         array(f"{CORE}/axons_out.npy", at(0, 0, -1)),
-        f"{CORE}/axons_out.npy",
-        "names number -1, but numbers count from 0",
+        "cores",
+        "axons_out of chip 0 core 0 contradict",
     ),
     "a core of nobody": (
         array(f"{CORE}/axons_out.npy", at(0, 2, 99)),
@@ -178,10 +179,10 @@ KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
         "compartments of chip 0 core 0 contradict",
     ),
     "a root of nobody": (array("host/inh.npy", lambda a: a[:0]), "host/inh.npy", "must be int32 (1, 3)"),
-    "memory of nobody": (array(f"{CORE}/axons_in.npy", at(0, 0, -5)), f"{CORE}/axons_in.npy", "names number -5"),
+    "memory of nobody": (array(f"{CORE}/axons_in.npy", at(0, 0, -5)), "cores", "do not tile its memory"),
     "memory of two rows": (array(f"{CORE}/axons_in.npy", at(0, 0, 1)), "cores", "do not tile its memory"),
     "a row without end": (array(f"{CORE}/axons_in.npy", at(0, 2, 2**31 - 1)), "cores", "deploy the model again"),
-    "a compartment below": (array("host/exc.npy", at(0, 2, -1)), "host/exc.npy", "names number -1, but"),
+    "a compartment below": (array("host/exc.npy", at(0, 2, -1)), "cores", "do not name each of its compartments"),
     "a compartment above": (array("host/inh.npy", at(0, 2, 4000)), "cores", "do not name each of its compartments"),
     "two in one place": (
         array("host/exc.npy", lambda a: a[[1, 1, *range(2, len(a))]]),
@@ -193,7 +194,7 @@ KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
         "cores",
         "hold no network of ours (index 1568 is out of bounds",
     ),
-    "injected nowhere": (array("host/injection.npy", at(0, 3, -1)), "host/injection.npy", "names number -1"),
+    "injected nowhere": (array("host/injection.npy", at(0, 3, -1)), "cores", "synapses of chip 0 core 0 contradict"),
     "registers of truths": (
         values(REGISTERS, "cxProfileCfg", 0, "enableNoise", False),
         "cores",
@@ -228,33 +229,21 @@ KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
     ),
     "deep registers": (text(REGISTERS, b"[" * 100_000), REGISTERS, "is no JSON (it is nested too deeply)"),
     "registers that are none": (text(REGISTERS, b"7"), "cores", "hold no network of ours"),
-    "other keys": (array("host/keys.npy", at(0, 5)), "host/keys.npy", "are not the keys of the references"),
+    "other keys": (array("host/keys.npy", at(0, 5)), "host/keys.npy", "contradicts the rest"),
     "fewer keys": (array("host/keys.npy", lambda a: a[1:]), "host/keys.npy", "is uint64 (7,), but must be uint64 (8,)"),
     "other rates": (array("host/rates.npy", at(0, 0, 60_000)), "host/rates.npy", "are not the rates of the references"),
-    "other labels": (
-        array("host/labels.npy", at(0, 5)),
-        "host/labels.npy",
-        "differs from what host/references.lvpr says",
-    ),
+    "other labels": (array("host/labels.npy", at(0, 5)), "host/labels.npy", "contradicts the rest of the bundle"),
     "no labels": (lambda told, files: files.pop("host/labels.npy"), "host/labels.npy", "the bundle lacks this file"),
     "injected too far": (array("host/injection.npy", at(0, 3, 4000)), "cores", "deploy the model again"),
     "other synapses": (array(f"{CORE}/synapses.npy", at(0, 15)), "cores", "deploy the model again"),
-    "responses below 0": (
-        array("host/responses.npy", at(0, 0, -1)),
-        "host/responses.npy",
-        "differs from what host/ref",
-    ),
+    "responses below 0": (array("host/responses.npy", at(0, 0, -1)), "host/responses.npy", "contradicts the rest"),
     "learning": (text(LEARNING, b"{}"), LEARNING, "is for a board that does not learn"),
 }
 GROUPS = ("cxProfileCfg", "vthProfileCfg", "synapseFmt", "dendriteSharedCfg", "numUpdates")
 KAPOHO |= {f"no {name}": (values(REGISTERS, name, None), "cores", "deploy the model again") for name in GROUPS}
 LOIHI_2: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
-    "true for 1": (
-        values(PARAMETERS, "exc", "reset_offset", True),
-        PARAMETERS,
-        "'exc' contradicts the rest of the bundle",
-    ),
-    "1.0 for 1": (values(PARAMETERS, "relay", "weight_exp", 0.0), PARAMETERS, "'relay' contradicts"),
+    "true for 1": (values(PARAMETERS, "exc", "reset_offset", True), PARAMETERS, "contradicts the rest of the bundle"),
+    "1.0 for 1": (values(PARAMETERS, "relay", "weight_exp", 0.0), PARAMETERS, "contradicts the rest"),
     "parameters that are none": (text(PARAMETERS, b"[]"), PARAMETERS, "describes no network that Loihi 2 can run"),
     "more parameters": (values(PARAMETERS, "more", 1), PARAMETERS, "deploy the model again"),
     "a long threshold": (
@@ -263,49 +252,39 @@ LOIHI_2: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
         "describes no network that",
     ),
     "no weights": (array(loihi2.WEIGHTS, lambda a: a[:0]), loihi2.WEIGHTS, "is empty, (0, 1568)"),
-    "a folder elsewhere": (
-        values(LEARNING, "stretches", 0, "folder", "../x"),
-        LEARNING,
-        "folder '../x' instead of learning/",
+    "a schedule of other epochs": (
+        array(f"{STRETCH}/keys.npy", lambda a: a[1:]),
+        f"{STRETCH}/keys.npy",
+        "is uint64 (19,), but must be uint64 (20,)",
     ),
-    "no stretch": (values(LEARNING, "stretches", []), LEARNING, "lacks or garbles stretches []"),
-    "another stretch": (values(LEARNING, "stretches", 0, "first_place", 4), LEARNING, "other stretches than the model"),
-    "epochs of 10^9": (values(LEARNING, *PHASE, "epochs", 10**9), LEARNING, "epochs 1000000000, of 0..10000"),
-    "steps of 10^9 while learning": (
-        values(LEARNING, *PHASE, "steps", 10**9),
-        LEARNING,
-        "steps 1000000000, of 1..100000",
-    ),
-    "a long shift": (values(LEARNING, *PHASE, "inhibit", "weight_exp", 10**9), LEARNING, "weight_exp 1000000000, of"),
-    "tau": (values(LEARNING, *PHASE, "learning_rule", "x1_tau", 10**300), LEARNING, "x1_tau a number of 997 bits"),
-    "impulse": (values(LEARNING, *PHASE, "learning_rule", "x1_impulse", 0), LEARNING, "of a phase"),
-    "no seed": (values(LEARNING, "stretches", 0, "rng_seeds", []), LEARNING, "rng_seeds []"),
-    "a seed": (values(LEARNING, "stretches", 0, "rng_seeds", 0, 1e308), LEARNING, "0 1e+308, of"),
-    "other weights": (
-        array("learning/stretch000/weights.npy", lambda a: a[1:]),
-        "learning/stretch000/weights.npy",
-        "must be uint8 (1568, neurons)",
-    ),
-    "thresholds of 0": (
-        array("learning/stretch000/thresholds.npy", at(0, 0)),
-        "learning/stretch000/thresholds.npy",
-        "names threshold 0, of 1..131071",
-    ),
-    "an image of nobody": (
-        array("learning/stretch000/images.npy", at(0, -(2**31))),
-        "learning/stretch000/images.npy",
-        "names image -2147483648, of 0..7",
-    ),
-    "an epoch of nobody": (
-        array("learning/stretch000/epochs.npy", at(-1, 99)),
-        "learning/stretch000/epochs.npy",
-        "names epoch 99, of 0..",
-    ),
-    "epochs that go back": (
-        array("learning/stretch000/epochs.npy", lambda a: a[::-1].copy()),
-        LEARNING,
-        "which go back",
-    ),
+    "other rates of learning": (array("learning/rates.npy", at(0, 0, 9)), "learning/rates.npy", "are not the rates"),
+    "learning of nothing": (text(LEARNING, b"{}"), LEARNING, "contradicts the rest of the bundle"),
+    "a key twice": (text(LEARNING, b'{"seed": 0, "seed": 0}'), LEARNING, "is no JSON (an object says a key twice)"),
+}
+LOIHI_2 |= {
+    f"{where[-2]} of {where[-1]!r:.9}": (values(LEARNING, *where), LEARNING, "contradicts the rest of the bundle")
+    for where in (
+        ("stretches", 0, "folder", "../x"),
+        ("stretches", []),
+        ("stretches", 0, "first_place", 4),
+        (*PHASE, "epochs", 10**9),
+        (*PHASE, "steps", 10**9),
+        (*PHASE, "learning_rule", "x1_tau", 10**300),
+        (*PHASE, "learning_rule", "x1_impulse", True),
+        (*PHASE, "learning_rule", "dw", "2^-1*y0*(x1-1)"),
+        ("stretches", 0, "phases", None),
+        ("stretches", 0, "rng_seeds", []),
+        ("stretches", 0, "rng_seeds", 0, 1e308),
+    )
+}
+LOIHI_2 |= {
+    f"{name} {said}": (array(f"{STRETCH}/{name}.npy", change), f"{STRETCH}/{name}.npy", said)
+    for name, change, said in (
+        ("weights", lambda a: a[1:], "must be uint8 (1568, 4)"),
+        ("thresholds", at(0, 0), "contradicts the rest of the bundle"),
+        ("images", at(0, -(2**31)), "contradicts the rest of the bundle"),
+        ("epochs", at(-1, 99), "contradicts the rest of the bundle"),
+    )
 }
 CASES = {("kapoho-bay", kind): case for kind, case in KAPOHO.items()}
 CASES |= {("loihi2", kind): case for kind, case in LOIHI_2.items()}

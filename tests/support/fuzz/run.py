@@ -44,8 +44,6 @@ from lava_vpr.configfile import read_toml, to_dict, to_toml
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.deployment import deploy
-from lava_vpr.deploy.bundle.learning import SETTINGS as LEARNING
-from lava_vpr.deploy.bundle.learning import read_learning
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import LavaVprError
 from lava_vpr.model import Model, content, load, save
@@ -193,8 +191,6 @@ def read_model(case: Case, corpus: Corpus, path: Path) -> None:
 def read_bundle(case: Case, corpus: Corpus, path: Path) -> None:
     """A bundle, and the network in it that learns, if there is one: the same when it is deployed again."""
     opened, model = bundle_folder.load(path), open_model(path)
-    if LEARNING in opened.files:
-        read_learning(opened)
     written_again(model, path)
     again = path.with_name("again")
     deploy(model, BOARDS[opened.manifest["target"]], again, picture=False)
