@@ -27,7 +27,7 @@ from lava_vpr.training.loop import split, train
 from lava_vpr.training.trainers import rule_of
 from lava_vpr.traverse import open_traverse
 
-PLACES, TRAVERSES = 6, 2
+PLACES = 6
 BASE: dict[str, Any] = {
     "stretch": 3,
     "encoder": {"image_size": 8, "cell": 4, "orientations": 2, "window": 3, "query_spikes": 2.0},
