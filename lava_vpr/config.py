@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Annotated, Literal, cast
 
 from lava_vpr.errors import ConfigError, brief
-from lava_vpr.inputs.augment import AugmentConfig
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
-from lava_vpr.inputs.views import ViewsConfig
+from lava_vpr.inputs.views import AugmentConfig, ViewsConfig
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.settings.conductance import ConductanceLearning, ConductanceNetwork

@@ -23,8 +23,7 @@ from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import draws
 from lava_vpr.errors import InputError
 from lava_vpr.images.sampling import Sample
-from lava_vpr.inputs.encoded import THUMBNAIL, EncodedTraverse, Keep
-from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
+from lava_vpr.inputs.encoder import INPUTS, THUMBNAIL, EncodedTraverse, EncoderConfig, Keep
 from lava_vpr.inputs.patches import HOG_VALUES, PATCH_SIDE, hog, patch_normalised
 from lava_vpr.inputs.vectors import Standard, picture_of
 from lava_vpr.inputs.views import STRAIGHT, View, seen_as
@@ -32,7 +31,7 @@ from lava_vpr.readers import Found
 from lava_vpr.settings.conductance import ConductanceNetwork
 from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse
-from lava_vpr.vectors.source import checked_vectors
+from lava_vpr.vectors.files import checked_vectors
 
 _BLOCK = 64
 """Number of images whose query rates are made together."""

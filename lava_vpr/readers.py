@@ -19,18 +19,16 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
 from lava_vpr.events.files import EVENT_SUFFIXES, event_samples, is_event_stream, is_events, windows_of
-from lava_vpr.images.appearing import appearing
 from lava_vpr.images.bags import BAG_SUFFIXES, bag_files, bag_samples, is_bag, split_topic
 from lava_vpr.images.files import IMAGE_SUFFIXES, LIST_SUFFIXES, VIDEO_SUFFIXES, folder_images, listed_images
-from lava_vpr.images.imagefiles import read_image
+from lava_vpr.images.imagefiles import appearing, read_image
 from lava_vpr.images.sampling import Sample, every_so_often
 from lava_vpr.images.videos import camera_samples, is_camera, video_samples
 from lava_vpr.inputs.windows import EventsConfig
-from lava_vpr.positions.stamps import stamps_of_names
+from lava_vpr.positions.frames import stamps_of_names
 from lava_vpr.rows.registry import Registry
 from lava_vpr.storage.text import printable, shown
-from lava_vpr.vectors.files import VECTOR_SUFFIXES, read_vectors
-from lava_vpr.vectors.source import Vectors, VectorSource
+from lava_vpr.vectors.files import VECTOR_SUFFIXES, Vectors, VectorSource, read_vectors
 
 EVENTS = EventsConfig()
 """How events become images unless a model says otherwise."""
@@ -41,7 +39,7 @@ class Frame(NamedTuple):
 
     Attributes:
         name: Its file name, or ``frame 000012`` with the frame's number, ``window 000012`` of events.
-        stamp: When it was taken, in seconds (`lava_vpr.positions.stamps`); None if nobody says.
+        stamp: When it was taken, in seconds (`lava_vpr.positions.frames`); None if nobody says.
         image: uint8 (h, w) or (h, w, 3) BGR; or a vector, float32 (values,); or why it cannot be read.
     """
 

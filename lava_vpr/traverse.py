@@ -3,7 +3,7 @@
 A traverse is read from a folder, a list, a video, a ROS bag, a recording of events or one image, and is lazy: it holds
 names and loads one image at a time. Or it is read from a file of vectors, one for each image, which another program
 made of them. Every image keeps its absolute index, its number (from 0) in the whole sequence of its source, also when
-only a part of that is taken; positions and ground truth (`lava_vpr.truth.groundtruth`) are in absolute indices, too.
+only a part of that is taken; positions and ground truth (`lava_vpr.truth.alignment`) are in absolute indices, too.
 """
 
 from __future__ import annotations
@@ -24,13 +24,11 @@ from lava_vpr.images.files import IMAGE_SUFFIXES
 from lava_vpr.images.imagefiles import read_image
 from lava_vpr.images.sampling import chosen
 from lava_vpr.inputs.windows import EventsConfig
-from lava_vpr.positions.frames import Positions
-from lava_vpr.positions.stamps import in_seconds, positions_of_names, stamp_of, stamps_of_names
-from lava_vpr.positions.tables import read_stamps
-from lava_vpr.positions.track import MOST_GAP_S, PositionRequest, images_on, read_track
+from lava_vpr.positions.frames import Positions, in_seconds, positions_of_names, stamp_of, stamps_of_names
+from lava_vpr.positions.track import MOST_GAP_S, PositionRequest, images_on, read_stamps, read_track
 from lava_vpr.readers import EVENTS, Found, found_vectors, open_source
 from lava_vpr.storage.text import printable, shown
-from lava_vpr.vectors.source import Vectors, VectorSource
+from lava_vpr.vectors.files import Vectors, VectorSource
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +42,7 @@ class Traverse:
             vectors, that one file; of a bag, itself and what is in its folder.
         frames: Number of each image in a video, in a bag's topic, among the windows of events or among vectors, int64
             (n,); None unless this is one.
-        stamps: When each image was taken, in seconds (`lava_vpr.positions.stamps`), float64 (n,): of a video since its
+        stamps: When each image was taken, in seconds (`lava_vpr.positions.frames`), float64 (n,): of a video since its
             first frame; None if nobody says.
         positions: Where each image was taken; None if nobody says.
         found: What walks over the images of a video, a bag or events, or holds the vectors; None where each image is a
@@ -209,7 +207,7 @@ def located(
         whole: Images in their whole sequence.
         positions: CSV or GPX file with their positions (`lava_vpr.positions.track`); None: those that it has.
         stamps: CSV file whose row k is when the image with absolute index k was taken, or when a video begins, as
-            `lava_vpr.positions.stamps.stamp_of` reads it; None: the times that it has.
+            `lava_vpr.positions.frames.stamp_of` reads it; None: the times that it has.
         gap: Most seconds between two positions between which an image is placed.
     Raises:
         InputError: a file cannot be used, or does not tell where or when each image was taken.

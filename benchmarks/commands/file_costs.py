@@ -34,7 +34,7 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.mapping.largest_map import largest, sizing_of
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import LAT_LON, Positions
-from lava_vpr.positions.gpx import gpx_text
+from lava_vpr.positions.track import gpx_text
 from lava_vpr.storage.limits import limit
 from lava_vpr.training.loop import split
 
@@ -185,13 +185,13 @@ def cases() -> dict[str, CostlyFile]:
             "2,000,000 positions",
             "the reader of positions",
             positions,
-            read("positions.tables", "read_table", "positions.csv"),
+            read("positions.track", "read_table", "positions.csv"),
         ),
         "gpx": CostlyFile(
             "a GPX track of 250,000 points",
             "the reader of positions",
             tracking,
-            read("positions.gpx", "read_gpx", "track.gpx"),
+            read("positions.track", "read_gpx", "track.gpx"),
         ),
         **{
             end: CostlyFile(

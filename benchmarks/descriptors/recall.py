@@ -29,7 +29,7 @@ from lava_vpr.inputs.patches import hog
 from lava_vpr.recognition import Comparison
 from lava_vpr.training.preparing import settings_for
 from lava_vpr.traverse import open_traverse, vector_traverse
-from lava_vpr.vectors.source import Vectors
+from lava_vpr.vectors.files import Vectors
 
 FIVE = sections_of("nordland", 500)
 CHOSEN_ON = (*sections_of("nordland", 200), PlacesSection("nordland", 0, 200), PlacesSection("gardens", 0, 50))

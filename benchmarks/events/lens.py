@@ -23,7 +23,7 @@ from benchmarks.program import BenchmarkTable, Printed, fraction, program
 from lava_vpr.config import Config, for_events, preset
 from lava_vpr.recognition import Comparison
 from lava_vpr.traverse import Traverse, open_traverse, vector_traverse
-from lava_vpr.vectors.source import Vectors
+from lava_vpr.vectors.files import Vectors
 
 TOLERANCE = 3
 SEEDS = (0, 1, 2)

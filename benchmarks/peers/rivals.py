@@ -27,7 +27,7 @@ from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.conductance.model import ConductanceState, initial_state
 from lava_vpr.errors import BackendUnavailableError
-from lava_vpr.inputs.encoded import Keep
+from lava_vpr.inputs.encoder import Keep
 from lava_vpr.isolated.child import run_child
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.model import Model

@@ -21,7 +21,7 @@ from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import image_keys, presentation_keys
-from lava_vpr.inputs.encoded import EncodedTraverse, check_encoded
+from lava_vpr.inputs.encoder import EncodedTraverse, check_encoded
 from lava_vpr.model import Model, checked_network
 
 Advance = Callable[[int], None]

@@ -26,7 +26,7 @@ from lava_vpr.encoding import query_rates
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.presentations import cores, share
 from lava_vpr.errors import InputError
-from lava_vpr.inputs.encoded import Keep
+from lava_vpr.inputs.encoder import Keep
 from lava_vpr.kernelcache import compiled
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.model import Model

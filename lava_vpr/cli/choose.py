@@ -17,8 +17,15 @@ from lava_vpr.errors import InputError
 from lava_vpr.model import Model
 from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse, open_traverse, ranges_of
-from lava_vpr.truth.alignment import NEAR_M, Located, aligned_truth, by_number, choose_queries, located_by
-from lava_vpr.truth.groundtruth import read_ground_truth
+from lava_vpr.truth.alignment import (
+    NEAR_M,
+    Located,
+    aligned_truth,
+    by_number,
+    choose_queries,
+    located_by,
+    read_ground_truth,
+)
 
 
 def open_queries(model: Model, source: str, places: tuple[int, int] | None, every: float, outputs: Outputs) -> Traverse:
@@ -82,17 +89,25 @@ class TruthOptions:
     in_step: bool = True
 
     def __post_init__(self) -> None:
-        if self.positions is not None and (self.radius is None or self.gt is not None):
-            raise click.UsageError("--positions needs --radius M, and excludes --gt")
-        if self.positions is not None and self.where.positions is not None:
-            raise click.UsageError("--positions tells of both traverses; leave out --query-positions")
-        if self.radius is not None and self.gt is not None:
-            raise click.UsageError("--radius needs positions, and --gt says itself what is correct; give one of them")
-        if self.tolerance and not (self.aligned and self.where.positions is None):
-            raise click.UsageError(
+        by_files, told = self.positions is not None, self.where.positions is not None
+        for wrong, why in (
+            (
+                by_files and (self.radius is None or self.gt is not None),
+                "--positions needs --radius M, and excludes --gt",
+            ),
+            (by_files and told, "--positions tells of both traverses; leave out --query-positions"),
+            (
+                self.radius is not None and self.gt is not None,
+                "--radius needs positions, and --gt says itself what is correct; give one of them",
+            ),
+            (
+                self.tolerance and not (self.aligned and not told),
                 "--tolerance counts places along the route; --gt and positions (with --radius M) say themselves what "
-                "is correct"
-            )
+                "is correct",
+            ),
+        ):
+            if wrong:
+                raise click.UsageError(why)
 
     def for_route(self, route: Selection) -> TruthOptions:
         """The same for the traverses of ``route``: where these are not in step, and places are some metres apart, an

@@ -133,21 +133,24 @@ def noun(name: str, make: Callable[..., Any], *options: Callable[[Any], Any]) ->
 
 def motion_option(default: str) -> Callable[[F], F]:
     """Give a command that is asked about a drive the option ``--motion``."""
-    text = (
-        "How the robot may move between images: 'any' follows every speed, stops and turns, 'forward' never back, "
-        "'none' takes each image alone."
+    return click.option(
+        "--motion",
+        type=click.Choice((*MOTIONS, NONE)),
+        default=default,
+        show_default=True,
+        help="How the robot may move between images: 'any' follows every speed, stops and turns, 'forward' never back, "
+        "'none' takes each image alone.",
     )
-    choice = click.Choice((*MOTIONS, NONE))
-    return click.option("--motion", type=choice, default=default, show_default=True, help=text)
 
 
-def precision_option(command: F) -> F:
-    """Give a command that says which matches are accepted the option ``--target-precision``."""
-    text = "Accept matches so probable that this share of the accepted is right, if half of the images are off the map."
-    kind = Number(min=0.01, max=0.9999)
-    return click.option("--target-precision", type=kind, default=0.95, show_default=True, metavar="P", help=text)(
-        command
-    )
+precision_option = click.option(
+    "--target-precision",
+    type=Number(min=0.01, max=0.9999),
+    default=0.95,
+    show_default=True,
+    metavar="P",
+    help="Accept matches so probable that this share of the accepted is right, if half of the images are off the map.",
+)
 
 
 def setting_type(section: type, name: str, least: int | None = None) -> click.IntRange:
@@ -357,6 +360,11 @@ def print_whole(table: Table | str) -> None:
     made = table.terminal()
     width = Measurement.get(console, console.options.update(width=200), made).maximum
     PlainConsole(width=max(console.width, width)).print(made, crop=False)
+
+
+def counted(images: int) -> str:
+    """How many images, in words."""
+    return "1 image" if images == 1 else f"{images} images"
 
 
 def print_reasons(reasons: Mapping[str, str | None]) -> None:

@@ -69,13 +69,18 @@ def fit(
     json_path: Path | None,
 ) -> None:
     """Say whether MODEL fits a board, and what each core holds; without MODEL, the largest map that fits."""
-    for name, value in (("--neurons-per-place", neurons_per_place), ("--views", views)):
-        if model is not None and value is not None:
-            raise click.UsageError(f"{name} is for fit without MODEL; a model has its neurons")
-    if model is None and picture is not None:
-        raise click.UsageError("--picture draws the cores of a model; give MODEL")
-    if model is None and dense_rows:
-        raise click.UsageError("--dense-rows is for a MODEL; without one, the table has rows for both ways of storing")
+    without = "is for fit without MODEL; a model has its neurons"
+    for wrong, why in (
+        (model and neurons_per_place is not None, f"--neurons-per-place {without}"),
+        (model and views is not None, f"--views {without}"),
+        (not model and picture, "--picture draws the cores of a model; give MODEL"),
+        (
+            not model and dense_rows,
+            "--dense-rows is for a MODEL; without one, the table has rows for both ways of storing",
+        ),
+    ):
+        if wrong:
+            raise click.UsageError(why)
     Outputs((json_path, picture), model=model)
     board = BOARDS[target]
     check_dense_rows(board, dense_rows)

@@ -60,10 +60,14 @@ def places_option(help: str) -> Callable[[F], F]:
     return click.option("--places", type=Places(), default=None, help=help)
 
 
-def every_option(command: F) -> F:
-    """Give a command the option ``--every SECONDS``."""
-    text = "From a video, camera, ROS bag or recording of events, one image every so often."
-    return click.option("--every", type=float, default=1.0, show_default=True, metavar="SECONDS", help=text)(command)
+every_option = click.option(
+    "--every",
+    type=float,
+    default=1.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="From a video, camera, ROS bag or recording of events, one image every so often.",
+)
 
 
 @dataclass(frozen=True)

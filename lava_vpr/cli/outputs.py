@@ -210,19 +210,10 @@ def text_writer(path: Path) -> Iterator[Callable[[str], None]]:
             text.close()
 
 
-@contextmanager
-def stdout_writer() -> Iterator[Callable[[str], None]]:
-    """Write to standard output piece by piece, each at once, for whoever reads along.
-
-    Yields:
-        What takes the next piece.
-    """
-
-    def write(piece: str) -> None:
-        sys.stdout.write(harmless(piece) if sys.stdout.isatty() else piece)
-        sys.stdout.flush()
-
-    yield write
+def write_stdout(piece: str) -> None:
+    """Write to standard output at once, for whoever reads along."""
+    sys.stdout.write(harmless(piece) if sys.stdout.isatty() else piece)
+    sys.stdout.flush()
 
 
 def write_json(path: Path, values: dict[str, Any]) -> None:

@@ -6,7 +6,7 @@ import itertools
 import math
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,17 @@ from numpy.typing import NDArray
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking, calibration_of, open_model
 from lava_vpr.backends.interface import Advance
-from lava_vpr.cli.common import PATH, console, motion_option, noun, precision_option, progress_bar, stage, stderr
+from lava_vpr.cli.common import (
+    PATH,
+    console,
+    counted,
+    motion_option,
+    noun,
+    precision_option,
+    progress_bar,
+    stage,
+    stderr,
+)
 from lava_vpr.cli.nouns import (
     OneSource,
     WhereOptions,
@@ -28,7 +38,7 @@ from lava_vpr.cli.nouns import (
     places_option,
     query_positions_options,
 )
-from lava_vpr.cli.outputs import Outputs, stdout_writer, text_writer
+from lava_vpr.cli.outputs import Outputs, text_writer, write_stdout
 from lava_vpr.cli.show.matches import MatchTable, Row, sentences
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.engine.presentations import cores
@@ -204,11 +214,7 @@ def query(
     if pace is not None and (contradiction := pace.contradiction(sequence)) is not None:
         stderr.print(f"warning: {contradiction}")
     if writing.file is not None:
-        console.print(f"{_counted(len(traverse))}, {recognised} recognised: {shown(writing.file)}")
-
-
-def _counted(images: int) -> str:
-    return "1 image" if images == 1 else f"{images} images"
+        console.print(f"{counted(len(traverse))}, {recognised} recognised: {shown(writing.file)}")
 
 
 def _checked(model: Model, asking: Asking, where: WhereOptions, backend: str) -> Model:
@@ -230,7 +236,8 @@ def _write(
 ) -> int:
     """Write the rows of the queries as they are answered; how many were recognised."""
     form, least, recognised = writing.form_of(len(traverse)), accepting.least(together), 0
-    with ExitStack() as waiting, stdout_writer() if writing.file is None else text_writer(writing.file) as write:
+    to = nullcontext(write_stdout) if writing.file is None else text_writer(writing.file)
+    with ExitStack() as waiting, to as write:
         write(table.csv_header() if form == "csv" else "")
         if writing.silent:
             waiting.enter_context(stage(f"reading {traverse.source}"))

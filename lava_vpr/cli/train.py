@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from lava_vpr import model as model_file
-from lava_vpr.cli.common import PATH, F, Number, Numbers, RegisteredName, console, seed_type, setting_type, stderr
+from lava_vpr.cli.common import PATH, Number, Numbers, RegisteredName, console, seed_type, setting_type, stderr
 from lava_vpr.cli.nouns import dataset_options, every_option, jobs_option, places_option, reference_positions_options
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
@@ -23,17 +23,6 @@ from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import only_one
 from lava_vpr.training.checkpoint import remove_checkpoint
 from lava_vpr.training.trainers import LEARNING
-
-
-def window_options(command: F) -> F:
-    """Give a command that learns the options ``--window-ms`` and ``--window-events``."""
-    text = "Milliseconds of events that an image shows, of a recording of an event camera.  [default: {:g}]"
-    most = Number(min=0.1, max=3_600_000)
-    said = text.format(EventsConfig.window_ms)
-    command = click.option("--window-ms", type=most, default=None, metavar="MS", help=said)(command)
-    text = "Events that an image shows, whatever time they take."
-    count = click.IntRange(1, 1_000_000_000)
-    return click.option("--window-events", type=count, default=None, metavar="N", help=text)(command)
 
 
 @click.command()
@@ -58,7 +47,21 @@ def window_options(command: F) -> F:
     help="REFERENCE are images of events: learn them as recordings of events are learned, with the input 'events', "
     "three views and the decoder 'standard' where nothing else is said.",
 )
-@window_options
+@click.option(
+    "--window-events",
+    type=click.IntRange(1, 1_000_000_000),
+    default=None,
+    metavar="N",
+    help="Events that an image shows, whatever time they take.",
+)
+@click.option(
+    "--window-ms",
+    type=Number(min=0.1, max=3_600_000),
+    default=None,
+    metavar="MS",
+    help="Milliseconds of events that an image shows, of a recording of an event camera.  "
+    f"[default: {EventsConfig.window_ms:g}]",
+)
 @click.option(
     "--epochs", type=setting_type(StdpLearning, "epochs"), default=None, help="Times that every image is shown."
 )

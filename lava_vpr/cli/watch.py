@@ -12,9 +12,9 @@ from typing import Any, NoReturn
 import click
 
 from lava_vpr.backends.asking import Asking
-from lava_vpr.cli.common import PATH, motion_option, precision_option, seed_type, stderr
+from lava_vpr.cli.common import PATH, counted, motion_option, precision_option, seed_type, stderr
 from lava_vpr.cli.nouns import OneSource, asking_options, every_option
-from lava_vpr.cli.outputs import stdout_writer
+from lava_vpr.cli.outputs import write_stdout
 from lava_vpr.errors import InputError
 from lava_vpr.localizer import Localizer
 from lava_vpr.readers import open_source
@@ -88,18 +88,19 @@ def watch(
     localizer = Localizer(model_path, motion, asking.adapt, asking.views, target_precision=target_precision, seed=seed)
     events = localizer.model.config.events
     found = open_source(source, every=every, topic=topic, events=events, live=True, existing=existing)
-    recent = None if port is None else Recent(localizer.model)
-    refused = RefusedImages(recent)
-    answered = recognised = 0
-    with stdout_writer() as write, _served(localizer, source, recent, port):
+    recent = Recent(localizer.model)
+
+    def refused(index: int, why: InputError) -> None:
+        recent.refuse()
+        stderr.print(f"warning: image {index} is left out ({recent.said['refused']} so far): {why}")
+
+    with _served(localizer, source, recent, port):
         for watched in islice(watch_images(localizer, found.frames(), refused), stop_after):
-            answered, recognised = answered + 1, recognised + watched.match.accepted
-            write(json_line(watched.values()))
-            if recent is not None:
-                recent.add(watched)
-        told = "1 image" if answered == 1 else f"{answered} images"
-        stderr.print(f"note: {told}, {recognised} recognised, {refused.count} left out")
-        if recent is not None and answered != stop_after:
+            write_stdout(json_line(watched.values()))
+            recent.add(watched)
+        answered, left = recent.said["answered"], recent.said["refused"]
+        stderr.print(f"note: {counted(answered)}, {recent.said['recognised']} recognised, {left} left out")
+        if port is not None and answered != stop_after:
             _stay(recent)
 
 
@@ -112,31 +113,11 @@ def _stay(recent: Recent) -> NoReturn:
 
 
 @contextmanager
-def _served(localizer: Localizer, source: str, recent: Recent | None, port: int | None) -> Iterator[None]:
+def _served(localizer: Localizer, source: str, recent: Recent, port: int | None) -> Iterator[None]:
     """The live page, if one is asked for; its address is told on stderr."""
-    if recent is None or port is None:
+    if port is None:
         yield
         return
     with live_page(localizer.model, source, recent, port) as address:
         stderr.print(f"note: the page is at {address}")
         yield
-
-
-class RefusedImages:
-    """Tells of images that cannot be read, and counts them.
-
-    Args:
-        recent: Told of them, too.
-    Attributes:
-        count: How many there were.
-    """
-
-    def __init__(self, recent: Recent | None) -> None:
-        self.count, self._recent = 0, recent
-
-    def __call__(self, index: int, why: InputError) -> None:
-        """Take note of image number ``index``."""
-        self.count += 1
-        if self._recent is not None:
-            self._recent.refuse()
-        stderr.print(f"warning: image {index} is left out ({self.count} so far): {why}")

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 from xml.etree import ElementTree
@@ -45,54 +46,44 @@ def open_aedat4(path: Path) -> EventRecording:
     Raises:
         InputError: it is damaged, of another version, or has no or several streams of events.
     """
-    with _Reader(path) as reader:
+    with _opened(path) as reader:
         return EventRecording(path, lambda: _blocks(path), check_size(reader.size, shown(path)))
 
 
 def _blocks(path: Path) -> Iterator[Raw]:
     """The events, some at a time."""
-    with _Reader(path) as reader:
+    with _opened(path) as reader:
         for events in reader.packets():
             for first in range(0, len(events), BLOCK):
                 part = events[first : first + BLOCK]
                 yield Raw(part["t"], part["x"], part["y"])
 
 
+@contextmanager
+def _opened(path: Path) -> Iterator[_Reader]:
+    """The opened file; what is wrong with it is told in one line."""
+    try:
+        with open_regular(path) as file:
+            yield _Reader(path, file)
+    except OSError as error:
+        raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check it") from None
+    except ImportError as error:
+        raise InputError(
+            f"{shown(path)}: is packed, and the package that unpacks it is missing ({error.name}); install it: pip "
+            "install 'lava-vpr[events]'"
+        ) from None
+    except (_BrokenError, ElementTree.ParseError, EOFError, RuntimeError, MemoryError) as error:
+        why = brief(" ".join(str(error).split())[:160])
+        raise InputError(
+            f"{shown(path)}: is damaged, cut short or no AEDAT4 file ({why}); copy it again, or export it anew"
+        ) from None
+
+
 class _Reader:
-    """An open file, whose errors are told in one line."""
+    """An open file: how packets are packed, where they end, which stream has events, of which sensor."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self.size = (0, 0)
-
-    def __enter__(self) -> _Reader:
-        try:
-            self._file: BinaryIO = open_regular(self._path)
-        except OSError as error:
-            raise InputError(f"{shown(self._path)}: cannot be read ({error.strerror}); check it") from None
-        try:
-            self._begin()
-        except BaseException as error:
-            self.__exit__(type(error), error)
-            raise
-        return self
-
-    def __exit__(self, kind: Any, error: BaseException | None, *rest: object) -> None:
-        self._file.close()
-        if isinstance(error, (_BrokenError, ElementTree.ParseError, EOFError, RuntimeError, MemoryError)):
-            why = brief(" ".join(str(error).split())[:160])
-            raise InputError(
-                f"{shown(self._path)}: is damaged, cut short or no AEDAT4 file ({why}); copy it again, or export it "
-                "anew"
-            ) from None
-        if isinstance(error, ImportError):
-            raise InputError(
-                f"{shown(self._path)}: is packed, and the package that unpacks it is missing ({error.name}); install "
-                "it: pip install 'lava-vpr[events]'"
-            ) from None
-
-    def _begin(self) -> None:
-        """Read the header: how packets are packed, where they end, which stream has events, of which sensor."""
+    def __init__(self, path: Path, file: BinaryIO) -> None:
+        self._path, self._file = path, file
         if self._read(len(MAGIC)) != MAGIC:
             raise _BrokenError("it does not begin as AEDAT 4.0 does")
         (length,) = struct.unpack("<I", self._read(4))

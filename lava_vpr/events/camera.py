@@ -158,7 +158,7 @@ def write_events(path: Path, events: Iterable[Sent], size: tuple[int, int], star
 
 
 def _hdf5(buffer: io.BytesIO, events: Iterable[Sent], size: tuple[int, int], start_s: float) -> int:
-    import h5py  # here: see `lava_vpr.events.hdf5`
+    import h5py  # here: see `lava_vpr.events.arrays`
 
     total, marks = 0, _Marks()
     with h5py.File("events", "w", driver="core", backing_store=False) as file:

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
 from lava_vpr.events.aedat4 import AEDAT4_SUFFIXES, EVENT, open_aedat4
-from lava_vpr.events.hdf5 import HDF5_SUFFIXES, is_hdf5, open_hdf5
-from lava_vpr.events.npz import NPZ_SUFFIXES, is_npz, open_npz
+from lava_vpr.events.arrays import HDF5_SUFFIXES, NPZ_SUFFIXES, is_hdf5, is_npz, open_hdf5, open_npz
 from lava_vpr.events.stream import EventRecording, Raw, check_size, checked
 from lava_vpr.events.windows import Windows, hot_pixels
 from lava_vpr.images.sampling import Sample

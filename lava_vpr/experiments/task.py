@@ -16,7 +16,7 @@ from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.encoding import query_rates
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.experiments.points import Run, figures
-from lava_vpr.inputs.encoded import EncodedTraverse
+from lava_vpr.inputs.encoder import EncodedTraverse
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.matching.answers import InBlocks, hold
 from lava_vpr.matching.equations import Scores

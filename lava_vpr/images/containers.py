@@ -16,11 +16,12 @@ Sources: AVI RIFF File Reference (Microsoft) with the OpenDML extensions 1.02; I
 
 from __future__ import annotations
 
+import re
 import struct
+from collections.abc import Callable
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.matroska import walk_matroska
-from lava_vpr.images.mp4 import BOXES_FIRST, walk_mp4
+from lava_vpr.images.films import BOXES_FIRST, walk_matroska, walk_mp4
 from lava_vpr.images.windows import DamagedError, Film, Window
 
 _KNOWN = "AVI, MP4, QuickTime, Matroska, WebM or MPEG program stream"
@@ -111,6 +112,15 @@ def _walk_program_stream(file: Window) -> Film:
     return Film("mpeg")
 
 
+_WALKS: tuple[tuple[re.Pattern[bytes], Callable[[Window], Film]], ...] = (
+    (re.compile(rb"RIFF.{4}AVI ", re.DOTALL), lambda file: _Avi(file).film()),
+    (re.compile(rb"\x1a\x45\xdf\xa3"), walk_matroska),
+    (re.compile(rb".{4}(?:%b)" % b"|".join(BOXES_FIRST), re.DOTALL), walk_mp4),
+    (re.compile(rb"\x00\x00\x01\xba"), _walk_program_stream),
+)
+"""The walk over a file, by how it begins."""
+
+
 def examine(handle: int) -> Film:
     """What a video file says of itself.
 
@@ -122,14 +132,9 @@ def examine(handle: int) -> Film:
     """
     file = Window(handle)
     first = file.at(0, min(12, file.size))
-    if first[:4] == b"RIFF" and first[8:] == b"AVI ":
-        return _Avi(file).film()
-    if first[:4] == b"\x1a\x45\xdf\xa3":
-        return walk_matroska(file)
-    if first[4:8] in BOXES_FIRST:
-        return walk_mp4(file)
-    if first[:4] == b"\0\0\1\xba":
-        return _walk_program_stream(file)
+    for begins, walk in _WALKS:
+        if begins.match(first):
+            return walk(file)
     if not first:
         raise InputError("is empty (0 bytes); copy it again or remove it")
     raise InputError(f"is no {_KNOWN} video, whatever its name says; convert it to MP4 (H.264) or to images")

@@ -14,6 +14,7 @@ from __future__ import annotations
 import re
 import struct
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from lava_vpr.errors import InputError
@@ -233,6 +234,16 @@ def _walk_bmp(data: bytes) -> Header:
     return Header(abs(width), abs(height), data)
 
 
+_WALKERS: tuple[tuple[re.Pattern[bytes], Callable[[bytes], Header]], ...] = (
+    (re.compile(rb"\xff\xd8\xff"), _walk_jpeg),
+    (re.compile(rb"\x89PNG\r\n\x1a\n"), _walk_png),
+    (re.compile(rb"RIFF.{4}WEBP", re.DOTALL), _walk_webp),
+    (re.compile(rb"BM"), _walk_bmp),
+    (re.compile(rb"II[*+]\0|MM\0[*+]"), lambda data: Header(*walk_tiff(data), data)),  # its decoder turns the picture
+)
+"""What walks over a file, by how it begins."""
+
+
 def walk(data: bytes) -> Header:
     """What an image file says of its picture; its format's own structure shows that it is whole.
 
@@ -240,18 +251,10 @@ def walk(data: bytes) -> Header:
         DamagedError, struct.error: part of the file is missing or damaged.
         InputError: no known format, or it costs more than allowed.
     """
-    if data[:3] == b"\xff\xd8\xff":
-        found = _walk_jpeg(data)
-    elif data[:8] == b"\x89PNG\r\n\x1a\n":
-        found = _walk_png(data)
-    elif data[:4] == b"RIFF" and data[8:12] == b"WEBP":
-        found = _walk_webp(data)
-    elif data[:2] == b"BM":
-        found = _walk_bmp(data)
-    elif data[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
-        found = Header(*walk_tiff(data), data)  # its decoder turns the picture itself
-    else:
+    walker = next((walker for begins, walker in _WALKERS if begins.match(data)), None)
+    if walker is None:
         raise InputError("is not a JPEG, PNG, BMP, TIFF or WebP image, whatever its name says; replace or remove it")
+    found = walker(data)
     within("image_pixels", found.width * found.height, f"has {found.width} x {found.height} =")
     return found
 

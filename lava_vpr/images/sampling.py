@@ -20,7 +20,7 @@ class Sample(NamedTuple):
 
     Attributes:
         number: How many images of the source are before it.
-        stamp: When it was taken, in seconds (`lava_vpr.positions.stamps`); None if nobody says.
+        stamp: When it was taken, in seconds (`lava_vpr.positions.frames`); None if nobody says.
         read: Reads the image, uint8 (h, w) or (h, w, 3) BGR, or the vector, float32 (values,), or raises an
             `InputError`. To be called before the next sample is asked for.
         since: Seconds since the first image of the source, for `every_so_often`.

@@ -23,7 +23,7 @@ from lava_vpr.storage.text import shown
 from lava_vpr.training.preparing import fitted, in_words, settings_for, standard_like
 from lava_vpr.training.stretches import UNSEEN, Monitor
 from lava_vpr.traverse import Traverse, located, vector_traverse
-from lava_vpr.vectors.source import Vectors, checked_vectors
+from lava_vpr.vectors.files import Vectors, checked_vectors
 
 Images: TypeAlias = "str | Path | Sequence[NDArray[Any]] | NDArray[Any]"
 """A folder, list, video, image or file of vectors; or images in memory, each uint8 (h, w) or (h, w, 3) BGR; or vectors,

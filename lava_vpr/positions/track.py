@@ -1,19 +1,285 @@
-"""From a track to where each image of a traverse was taken."""
+"""From files to where each image of a traverse was taken: positions and stamps in CSV tables, and in GPX files, as
+receivers of satellite navigation write them, by the package gpxpy; images placed on a track.
+"""
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import dataclass
+from datetime import datetime, timezone
 from pathlib import Path
+from typing import NamedTuple
+from xml.parsers import expat
 
+import gpxpy
 import numpy as np
+from gpxpy.gpx import GPX, GPXException, GPXRoutePoint, GPXTrack, GPXTrackPoint, GPXTrackSegment, GPXWaypoint
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError
-from lava_vpr.positions.frames import LAT_LON, Positions
-from lava_vpr.positions.gpx import SUFFIX, read_gpx
-from lava_vpr.positions.stamps import is_absolute, shown_stamp
-from lava_vpr.positions.tables import Track, read_table
+from lava_vpr.errors import InputError, brief
+from lava_vpr.positions.frames import (
+    LAT_LON,
+    XY,
+    Positions,
+    columns,
+    fits,
+    in_seconds,
+    is_absolute,
+    shown_stamp,
+    stamp_of,
+)
+from lava_vpr.storage.limits import within
+from lava_vpr.storage.tables import csv_rows, file_text
 from lava_vpr.storage.text import shown
+
+_PAIRS = {
+    ("x", "y"): XY,
+    ("easting", "northing"): XY,
+    ("lat", "lon"): LAT_LON,
+    ("latitude", "longitude"): LAT_LON,
+    ("lat", "lng"): LAT_LON,
+}
+_TIMES = ("time", "timestamp", "stamp", "t")
+_WORDS = {"lat": "latitude", "lon": "longitude", "x": "x", "y": "y"}
+
+
+class Track(NamedTuple):
+    """Positions in the order in which they were taken.
+
+    Attributes:
+        positions: The positions, n of them.
+        stamps: When each was taken, in seconds that do not decrease, float64 (n,); None if nobody says.
+        path: The file that they are from, for messages.
+    """
+
+    positions: Positions
+    stamps: NDArray[np.float64] | None
+    path: Path
+
+
+def read_table(path: Path) -> Track:
+    """The positions in a CSV file, and their times if it has a column of them.
+
+    Columns x,y (or easting,northing) are metres, lat,lon (latitude,longitude) degrees; time (timestamp, stamp, t) is in
+    seconds or a date (`lava_vpr.positions.frames`). Without a header there are two columns, x and y. Other columns are
+    ignored.
+
+    Raises:
+        InputError: unreadable, no such columns, a cell that is no number in its range, or a time before the one above;
+            names file and line.
+    """
+    rows = csv_rows(path)
+    chosen, frame, timed = (0, 1), XY, -1
+    if rows and not all(_is_number(cell) for cell in rows[0][1]):
+        line, header = rows[0][0], [cell.lower() for cell in rows[0][1]]
+        pair = next((pair for pair in _PAIRS if set(pair) <= set(header)), None)
+        if pair is None:
+            raise InputError(f"{shown(path)} line {line}: no columns x,y or lat,lon among {_some(header)}; name them")
+        names = [*pair, *(name for name in _TIMES if name in header)][:3]
+        _refuse_twice(path, line, header, names)
+        chosen, frame = (header.index(pair[0]), header.index(pair[1])), _PAIRS[pair]
+        timed = header.index(names[2]) if len(names) > 2 else -1
+        rows = rows[1:]
+    elif rows and len(rows[0][1]) != 2:
+        raise InputError(f"{shown(path)} line {rows[0][0]}: has {len(rows[0][1])} columns and no header; add one: x,y")
+    if not rows:
+        raise InputError(f"{shown(path)}: holds no positions; write one row an image, columns x,y or lat,lon")
+    values = np.array([[_number(cells[column]) for column in chosen] for _, cells in rows], np.float64)
+    good = fits(values, frame)
+    if not good.all():
+        k, axis = np.argwhere(~good)[0].tolist()
+        line, cells = rows[k]
+        what = _WORDS[columns(frame)[axis]]
+        raise InputError(
+            f"{shown(path)} line {line}: {what} is {brief(cells[chosen[axis]])}; give a number in its range"
+        )
+    return Track(Positions(values, frame), _times(path, rows, timed) if timed >= 0 else None, path)
+
+
+def read_stamps(path: Path) -> NDArray[np.float64]:
+    """The times in a CSV file, in seconds, float64 (rows,): its column of times, or its only one.
+
+    Raises:
+        InputError: unreadable, no such column, or a cell that is no time; names file and line.
+    """
+    rows, column = csv_rows(path), 0
+    if rows and not any(math.isfinite(stamp_of(cell)) for cell in rows[0][1]):
+        line, header = rows[0][0], [cell.lower() for cell in rows[0][1]]
+        name = next((name for name in _TIMES if name in header), None)
+        if name is None:
+            raise InputError(f"{shown(path)} line {line}: no column time among {_some(header)}; name it")
+        _refuse_twice(path, line, header, [name])
+        rows, column = rows[1:], header.index(name)
+    elif rows and len(rows[0][1]) != 1:
+        raise InputError(
+            f"{shown(path)} line {rows[0][0]}: has {len(rows[0][1])} columns and no header; name one: time"
+        )
+    if not rows:
+        raise InputError(f"{shown(path)}: holds no times; write one row an image, column time")
+    return _times(path, rows, column)
+
+
+def _times(path: Path, rows: list[tuple[int, list[str]]], column: int) -> NDArray[np.float64]:
+    """A column of times, none before the one above."""
+    stamps = np.array([stamp_of(cells[column]) for _, cells in rows], np.float64)
+    bad = np.flatnonzero(~np.isfinite(stamps))
+    if len(bad):
+        line, cells = rows[int(bad[0])]
+        raise InputError(
+            f"{shown(path)} line {line}: the time is {brief(cells[column])}; write seconds, or a date as in "
+            "2024-05-01T12:00:00Z"
+        )
+    back = np.flatnonzero(np.diff(stamps) < 0)
+    if len(back):
+        line, cells = rows[int(back[0]) + 1]
+        raise InputError(
+            f"{shown(path)} line {line}: the time {brief(cells[column])} is before that above; sort the rows"
+        )
+    return in_seconds(stamps)
+
+
+def _refuse_twice(path: Path, line: int, header: list[str], names: list[str]) -> None:
+    for name in names:
+        if header.count(name) > 1:
+            raise InputError(
+                f"{shown(path)} line {line}: has {header.count(name)} columns {name!r}; rename all but one"
+            )
+
+
+def _some(header: list[str]) -> str:
+    """The first names of a header, for a message."""
+    return ", ".join(map(brief, header[:8])) + (", ..." if len(header) > 8 else "")
+
+
+def _is_number(cell: str) -> bool:
+    """Whether the text of a cell reads as a number."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _number(cell: str) -> float:
+    """The number in a cell, NaN if there is none."""
+    return float(cell) if _is_number(cell) else math.nan
+
+
+SUFFIX = ".gpx"
+_LATITUDE = re.compile(r"\blat\s*=")  # every point has one
+_MOST_NAMESPACES = 100
+"""gpxpy looks for each to the end of the text; receivers declare three or four."""
+_DEEPEST = 100
+"""Levels of elements; a point of a track is on the fourth, and what receivers add to it on a few more."""
+Point = GPXTrackPoint | GPXRoutePoint | GPXWaypoint
+
+
+def read_gpx(path: Path) -> Track:
+    """The points of all tracks in a GPX file, or of its routes, or its waypoints, whichever come first in this order.
+
+    Times are taken if every point has one; without a zone they are UTC.
+
+    Raises:
+        InputError: unreadable, no GPX, without points, a point beyond the Earth, times of some points alone, or a time
+            before the one above; the message counts points from 1.
+    """
+    text = file_text(path)
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:  # all that an XML reader can be lured by
+        raise InputError(f"{shown(path)}: is no GPX (it declares a document type); export the track again")
+    if text.count("xmlns") > _MOST_NAMESPACES:
+        raise InputError(
+            f"{shown(path)}: is no GPX (it declares {text.count('xmlns')} namespaces); export the track again"
+        )
+    within("points", sum(1 for _ in _LATITUDE.finditer(text)), f"{shown(path)}: has")
+    try:
+        _check_depth(text)
+        gpx = gpxpy.parse(text)
+    except (GPXException, expat.ExpatError, ValueError, ArithmeticError, RecursionError) as error:
+        raise InputError(
+            f"{shown(path)}: is no GPX, or cut short ({brief(str(error))}); export the track again"
+        ) from None
+    points: list[Point] = [point for track in gpx.tracks for segment in track.segments for point in segment.points]
+    points = points or [point for route in gpx.routes for point in route.points] or [*gpx.waypoints]
+    if not points:
+        raise InputError(f"{shown(path)}: holds no points; export a track")
+    values = np.array([[_finite(p.latitude), _finite(p.longitude)] for p in points], np.float64)
+    good = fits(values, LAT_LON).all(axis=1)
+    if not good.all():
+        k = int(good.argmin())
+        raise InputError(f"{shown(path)}: point {k + 1} is at {values[k, 0]:g}, {values[k, 1]:g}; remove or correct it")
+    return Track(Positions(values, LAT_LON), _point_times(path, points), path)
+
+
+def _check_depth(text: str) -> None:
+    """Refuse XML that is nested too deeply: gpxpy copies elements by a recursion in C, which ends the process.
+
+    Raises:
+        ValueError: it is.
+        expat.ExpatError: it is no XML.
+    """
+    depth = 0
+
+    def begin(name: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > _DEEPEST:
+            raise ValueError(f"its elements are nested more than {_DEEPEST} deep")
+
+    def end(name: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = begin, end
+    parser.Parse(text, True)
+
+
+def _finite(number: float | None) -> float:
+    return np.nan if number is None else float(number)
+
+
+def _point_times(path: Path, points: list[Point]) -> NDArray[np.float64] | None:
+    """When the points were taken, seconds since 1970, float64 (n,); None if none says."""
+    times = [point.time for point in points]
+    stamps = np.array([np.nan if time is None else _utc(time).timestamp() for time in times], np.float64)
+    known = np.isfinite(stamps)
+    if not known.any():
+        return None
+    if not known.all():
+        raise InputError(f"{shown(path)}: point {known.argmin() + 1} has no time, but others have; export it again")
+    back = np.flatnonzero(np.diff(stamps) < 0)
+    if len(back):
+        raise InputError(
+            f"{shown(path)}: point {back[0] + 2} is earlier than the point before it; keep one track, in its order"
+        )
+    return stamps
+
+
+def _utc(time: datetime) -> datetime:
+    """``time`` with its zone; without one it is in UTC."""
+    return time if time.tzinfo is not None else time.replace(tzinfo=timezone.utc)
+
+
+def gpx_text(positions: Positions, stamps: NDArray[np.float64]) -> str:
+    """A GPX file of one track; degrees to a centimetre, times to a microsecond.
+
+    Args:
+        positions: The points, in degrees.
+        stamps: Seconds since 1970 of each, float64 (n,).
+    """
+    segment = GPXTrackSegment(
+        [
+            GPXTrackPoint(round(lat, 7), round(lon, 7), time=datetime.fromtimestamp(stamp, timezone.utc))
+            for (lat, lon), stamp in zip(positions.values.tolist(), stamps.tolist(), strict=True)
+        ]
+    )
+    whole, track = GPX(), GPXTrack()
+    track.segments.append(segment)
+    whole.tracks.append(track)
+    whole.creator = "lava-vpr"
+    return whole.to_xml() + "\n"
+
 
 MOST_GAP_S = 10.0
 """Seconds between two positions, at most, between which images are placed on a straight line."""

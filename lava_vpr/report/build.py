@@ -10,8 +10,7 @@ from lava_vpr.configfile import to_toml
 from lava_vpr.encoding import EncodedTraverse, query_rates16
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import image_keys, presentation_keys
-from lava_vpr.inputs.encoded import Keep
-from lava_vpr.inputs.encoder import INPUTS
+from lava_vpr.inputs.encoder import INPUTS, Keep
 from lava_vpr.model import Model, as_integer
 from lava_vpr.positions.frames import joined
 from lava_vpr.recognition import Recognition

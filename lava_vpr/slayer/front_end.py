@@ -1,4 +1,4 @@
-"""The filters of the convolutional layer (`lava_vpr.inputs.filters`), learned from references and nothing else.
+"""The filters of the convolutional layer (`lava_vpr.inputs.orientation`), learned from references and nothing else.
 
 In each epoch every reference is shown once, changed at random: shifted by pixels, its contrast, illumination and pixels
 altered, and a share of the layer's spikes replaced by those of other references. Filters are rounded to 8 bits before
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.config import Config
 from lava_vpr.engine.random import presentation_key
-from lava_vpr.inputs import filters
+from lava_vpr.inputs import orientation as filters
 from lava_vpr.inputs.encoder import EncoderConfig
 from lava_vpr.slayer import needs
 from lava_vpr.slayer.forward import STATE_UNIT as _UNIT
@@ -42,7 +42,7 @@ def oriented(channels: int, side: int = SIDE) -> NDArray[np.float64]:
 
 
 def rounded(weights: NDArray[np.floating[Any]]) -> NDArray[np.int8]:
-    """``weights`` in units of which the largest is `lava_vpr.inputs.filters.TOP`."""
+    """``weights`` in units of which the largest is `lava_vpr.inputs.orientation.TOP`."""
     return np.rint(weights * (filters.TOP / np.abs(weights).max())).astype(np.int8)
 
 

@@ -1,6 +1,6 @@
 """What learns one stretch by SLAYER: weights that bring each place's neuron the most spikes, whatever the day.
 
-Every epoch shows each reference once, changed at random (`lava_vpr.inputs.augment`), in batches. Each batch runs in the
+Every epoch shows each reference once, changed at random (`lava_vpr.inputs.views`), in batches. Each batch runs in the
 very integers that would be deployed now: quantised, with their thresholds, inhibition and biases. The loss is the
 cross-entropy of the spike counts times ``slayer.sharpness``, by the place of each reference; Adam takes the steps.
 """
@@ -18,7 +18,7 @@ from lava_vpr.engine.inference import fixed, quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import Shown
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys
-from lava_vpr.inputs.augment import augmented
+from lava_vpr.inputs.views import augmented
 from lava_vpr.model import Stretch
 from lava_vpr.slayer import forward
 from lava_vpr.slayer.needs import libraries

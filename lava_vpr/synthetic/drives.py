@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
 from lava_vpr.events.camera import WRITTEN, EventCamera, Sensor, Sent, write_events
-from lava_vpr.positions.stamps import shown_stamp
+from lava_vpr.positions.frames import shown_stamp
 from lava_vpr.synthetic.drawing import Camera
 from lava_vpr.synthetic.scene import DRIVE, generator
 from lava_vpr.synthetic.world import METRES_PER_S, STARTS, World, check_conditions, course, light, replace_folder

@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.interrupts import held
-from lava_vpr.positions.frames import LAT_LON, Positions, utm_frame
-from lava_vpr.positions.gpx import gpx_text
-from lava_vpr.positions.stamps import shown_stamp
+from lava_vpr.positions.frames import LAT_LON, Positions, shown_stamp, utm_frame
+from lava_vpr.positions.track import gpx_text
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import read_only, temporary_prefix
 from lava_vpr.synthetic.drawing import Camera, Painter, draw_backdrop, draw_land

@@ -25,8 +25,7 @@ from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.learning import stdp
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
-from lava_vpr.inputs.encoded import Keep
-from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
+from lava_vpr.inputs.encoder import INPUTS, EncoderConfig, Keep
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.model import Model, Stretch
 from lava_vpr.modelfile import check_model

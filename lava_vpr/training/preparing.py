@@ -21,8 +21,7 @@ from lava_vpr.encoding import activity_of, check_seen
 from lava_vpr.engine.random import presentation_key, uniform
 from lava_vpr.errors import ConfigError, InputError, brief
 from lava_vpr.images.sampling import changed, spaced
-from lava_vpr.inputs.encoded import EncodedTraverse, check_encoded
-from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
+from lava_vpr.inputs.encoder import INPUTS, EncodedTraverse, EncoderConfig, check_encoded
 from lava_vpr.inputs.vectors import Standard, width_for
 from lava_vpr.modelfile import MOST_COUNT, check_names
 from lava_vpr.positions.frames import Positions

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.inputs.encoded import THUMBNAIL
+from lava_vpr.inputs.encoder import THUMBNAIL
 from lava_vpr.inputs.vectors import picture_of
 from lava_vpr.localizer import Localizer
 from lava_vpr.matches import Match
@@ -82,6 +82,8 @@ class Recent:
 
     Args:
         model: The model that answers.
+    Attributes:
+        said: The status, and how many images were answered, recognised and refused.
     """
 
     def __init__(self, model: Model) -> None:
@@ -94,7 +96,7 @@ class Recent:
         self._history: deque[dict[str, Any]] = deque(maxlen=HISTORY)
         self._spikes: deque[NDArray[np.uint16]] = deque(maxlen=HISTORY)
         self._last: Watched | None = None
-        self._said: dict[str, Any] = {"status": "waiting", "answered": 0, "recognised": 0, "refused": 0}
+        self.said: dict[str, Any] = {"status": "waiting", "answered": 0, "recognised": 0, "refused": 0}
         self._version, self._made = 0, (-1, b"")
 
     def add(self, watched: Watched) -> None:
@@ -108,14 +110,14 @@ class Recent:
             self._last = watched
             self._history.append(entry)
             self._spikes.append(pooled)
-            self._said["answered"] += 1
-            self._said["recognised"] += int(match.accepted)
+            self.said["answered"] += 1
+            self.said["recognised"] += int(match.accepted)
             self._say(status="watching")
 
     def refuse(self) -> None:
         """Take note of an image that cannot be read."""
         with self._lock:
-            self._say(refused=self._said["refused"] + 1)
+            self._say(refused=self.said["refused"] + 1)
 
     def end(self) -> None:
         """Take note that no further image comes."""
@@ -125,7 +127,7 @@ class Recent:
     def state(self, seen: int) -> bytes:
         """All that the page shows, as JSON; only its version, if that is the one which was ``seen``."""
         with self._lock:
-            version, last, said = self._version, self._last, dict(self._said)
+            version, last, said = self._version, self._last, dict(self.said)
             history, spikes = list(self._history), list(self._spikes)
             if seen == version:
                 return json.dumps({"version": version}).encode()
@@ -137,7 +139,7 @@ class Recent:
         return text
 
     def _say(self, **changed: Any) -> None:
-        self._said.update(changed)
+        self.said.update(changed)
         self._version += 1
 
     def _number(self, place: int) -> int:

@@ -18,11 +18,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from support.common import children
+from support.common.imagefiles import refused
 
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.inputs.patches import patch_normalised
-from lava_vpr.positions.gpx import read_gpx
+from lava_vpr.positions.track import read_gpx
 from lava_vpr.synthetic import world as synthetic
 from lava_vpr.synthetic.scene import LOOKS, ahead, route, segment
 from lava_vpr.synthetic.world import CONDITIONS, World, positions, render, track, write_traverses
@@ -245,10 +246,10 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path, monkeypatch:
         return len(data)
 
     monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(
-        InputError, match=r"w: cannot be written \(No space left on device\); choose a folder on a disk"
-    ):
-        write_traverses(tmp_path / "w", 2, 7)
+    refused(
+        lambda: write_traverses(tmp_path / "w", 2, 7),
+        "w: cannot be written (No space left on device); choose a folder on a disk",
+    )
     assert len(written) == 3
     assert content(tmp_path) == before
     assert [p.name for p in tmp_path.iterdir()] == ["w"]
@@ -270,8 +271,7 @@ def test_a_failed_replacement_brings_the_earlier_result_back(
         rename(source, target)
 
     monkeypatch.setattr(synthetic.os, "rename", flaky)
-    with pytest.raises(InputError, match=r"w: cannot be written \(Permission denied\)"):
-        write_traverses(tmp_path / "w", 1, 9)
+    refused(lambda: write_traverses(tmp_path / "w", 1, 9), "w: cannot be written (Permission denied)")
     assert content(tmp_path) == before
     assert [p.name for p in tmp_path.iterdir()] == ["w"]
 
@@ -304,8 +304,7 @@ def test_a_folder_without_permission_is_refused(tmp_path: Path) -> None:
     if os.geteuid() == 0:
         pytest.skip("the superuser may write everywhere")
     tmp_path.chmod(0o500)
-    with pytest.raises(InputError, match=r"w: cannot be written \(Permission denied\)"):
-        write_traverses(tmp_path / "w", 1, 0)
+    refused(lambda: write_traverses(tmp_path / "w", 1, 0), "w: cannot be written (Permission denied)")
 
 
 # Wrong arguments
@@ -323,10 +322,8 @@ def test_a_world_outside_its_range_is_refused(name: str, value: float) -> None:
 def test_unknown_conditions_and_places_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"there is no condition 'spring'; choose from summer, winter, rain, night$"):
         render(World(), 0, "spring")
-    with pytest.raises(InputError, match=r"there is no condition 'fog'"):
-        write_traverses(tmp_path / "w", 1, 0, ("summer", "fog"))
-    with pytest.raises(InputError, match=r"1 conditions are given; give two"):
-        write_traverses(tmp_path / "w", 1, 0, ("summer",))
+    refused(lambda: write_traverses(tmp_path / "w", 1, 0, ("summer", "fog")), "there is no condition 'fog'")
+    refused(lambda: write_traverses(tmp_path / "w", 1, 0, ("summer",)), "1 conditions are given; give two")
     for place in (-1, 100):
         with pytest.raises(InputError, match=rf"place {place} is not in the synthetic world; choose one of 0\.\.99$"):
             render(World(), place, "summer")

@@ -22,7 +22,7 @@ from lava_vpr.encoding import activity_of, draw_trains, query_rates16
 from lava_vpr.engine.inference import fixed, quantise
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import ConfigError
-from lava_vpr.inputs import filters
+from lava_vpr.inputs import orientation as filters
 from lava_vpr.model import Model, integer_model
 from lava_vpr.slayer import forward, front_end, needs
 from lava_vpr.synthetic import write_traverses

@@ -20,8 +20,8 @@ from lava_vpr.deploy.bundle.learning import chip_learning
 from lava_vpr.encoding import training_rates
 from lava_vpr.engine.inference.quantise import unit_norm
 from lava_vpr.errors import ConfigError
-from lava_vpr.inputs.augment import AugmentConfig, augmented, shifted
 from lava_vpr.inputs.encoder import ChannelLayout
+from lava_vpr.inputs.views import AugmentConfig, augmented, shifted
 from lava_vpr.slayer import needs
 from lava_vpr.synthetic import write_traverses
 from lava_vpr.training.loop import check_size, train

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,16 +15,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import hadamard as matrix
+from support.common.imagefiles import refused
 
+from lava_vpr import model as model_file
 from lava_vpr.config import Config, preset
+from lava_vpr.configfile import update
 from lava_vpr.encoding import encode_traverse
 from lava_vpr.engine.random import presentation_key, uniform
-from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.errors import ConfigError, InputError, ModelFileError
 from lava_vpr.inputs.encoder import EncoderConfig
 from lava_vpr.inputs.vectors import Standard, hadamard, picture_of, signed_channels, width_for, without_weak
+from lava_vpr.learning.route import train
+from lava_vpr.matching.probability import RIGHT
+from lava_vpr.training.measuring import altered
 from lava_vpr.training.preparing import fitted, settings_for, standard_like
 from lava_vpr.traverse import Traverse, vector_traverse
-from lava_vpr.vectors.source import Vectors
+from lava_vpr.vectors.files import Vectors
 
 
 def traverse(array: NDArray[np.float32], name: str = "v.npy") -> Traverse:
@@ -139,14 +150,14 @@ def test_settings_follow_from_the_references() -> None:
 
 def test_equal_vectors_and_negative_rates_are_refused() -> None:
     same = np.ones((5, 4), np.float32)
-    with pytest.raises(InputError, match=r"v\.npy: all vectors are equal, so nothing tells places apart"):
-        fitted(of(same), [traverse(same)])
+    refused(lambda: fitted(of(same), [traverse(same)]), "v.npy: all vectors are equal, so nothing tells places apart")
     array = -vectors(3, 4)
     config = of(array, kind="rates")
-    with pytest.raises(
-        InputError, match=r"vector 000000: value 0 is -.*, but rates are at least 0; use the input 'vec"
-    ):
-        encode_traverse(traverse(array), config.encoder)
+    refused(
+        lambda: encode_traverse(traverse(array), config.encoder),
+        "vector 000000: value 0 is -",
+        ", but rates are at least 0; use the input 'vec",
+    )
 
 
 def test_another_models_standard_must_fit() -> None:
@@ -171,3 +182,91 @@ def test_a_vector_is_pictured_row_by_row() -> None:
     assert brightness[0] < brightness[5] < brightness[11]
     assert len(np.unique(picture_of(np.full(7, 2.0, np.float32), (64, 48)).reshape(-1, 3), axis=0)) <= 2
     assert picture_of(np.zeros(100_000, np.float32), (64, 48)).shape == (48, 64, 3)
+
+
+Arrays = dict[str, NDArray[Any]]
+KEPT, VALUES, PLACES = 6, 11, 5
+
+
+@cache
+def sound(kept: int = KEPT) -> tuple[str, Arrays]:
+    """Header, as text, and arrays of a model of vectors, projected unless ``kept`` is as many as they have."""
+    config = update(preset("loihi"), {"encoder": {"vector_kept": kept}, "learning": {"epochs": 2, "steps": 60}})
+    vectors = np.random.default_rng(0).normal(size=(PLACES, VALUES))
+    header, arrays = model_file.content(train(vectors, config=config, threads=1))
+    return json.dumps(header), arrays
+
+
+def assembled(forge: Callable[[dict[str, Any], Arrays], object], kept: int = KEPT) -> model_file.Model:
+    text, arrays = sound(kept)
+    header, own = json.loads(text), {name: array.copy() for name, array in arrays.items()}
+    forge(header, own)
+    return model_file.assemble(Path("a.lvpr"), header, own)
+
+
+@pytest.mark.parametrize("kept", [KEPT, VALUES])
+def test_a_sound_file_gives_the_same_model(kept: int) -> None:
+    model = assembled(lambda header, arrays: None, kept)
+    assert model.standard is not None
+    assert model.standard.projects == (kept < VALUES)
+    assert model.patches is None
+    _, again = model_file.content(model)
+    assert all(np.array_equal(again[name], array) for name, array in sound(kept)[1].items())
+    assert model.calibration is not None
+    assert (model.calibration[:, 1] == RIGHT).any()
+
+
+def test_vectors_of_any_size_are_kept() -> None:
+    """A descriptor of length 1 and 100,000 values has values of about 0.003, and varies less."""
+    model = assembled(first("standard.scale", 1e-30))
+    assert model.standard is not None
+    assert model.standard.scale[0] == np.float32(1e-30)
+
+
+def first(name: str, value: object) -> Callable[[dict[str, Any], Arrays], object]:
+    return lambda header, arrays: arrays[name].reshape(-1).__setitem__(0, value)
+
+
+def set_to(name: str, value: Callable[[NDArray[Any]], Any]) -> Callable[[dict[str, Any], Arrays], object]:
+    return lambda header, arrays: arrays.__setitem__(name, value(arrays[name]))
+
+
+@pytest.mark.parametrize(
+    ("forge", "message"),
+    [
+        (lambda h, a: a.pop("vectors"), "vectors"),
+        (lambda h, a: a.pop("standard.mean"), "standard.mean"),
+        (first("vectors", np.nan), "vectors with values that are not finite"),
+        (first("vectors", 1e30), "vectors with values from .* which must be in"),
+        (first("standard.mean", np.inf), r"standard\.mean with values that are not finite"),
+        (first("standard.scale", 0), r"standard\.scale with values from 0"),
+        (first("standard.signs", 0), "a projection with a sign of 0"),
+        (first("standard.signs", 3), r"standard\.signs with values from -1 to 3"),
+        (first("standard.kept", 7), "numbers that do not ascend"),
+        (set_to("standard.kept", lambda x: x + 16), r"standard\.kept with values from .* in 0\.\.15"),
+        (set_to("standard.kept", lambda x: x[:-1]), r"standard\.kept of shape \(5,\) instead of \(6,\)"),
+        (set_to("standard.signs", lambda x: x.astype(np.int16)), r"standard\.signs of type int16 instead of int8"),
+        (set_to("vectors", lambda x: x[:, 1:]), r"vectors of shape \(5, 10\) instead of \(5, 11\)"),
+        (lambda h, a: a.update(patches=np.zeros((5, 28, 28), np.uint8)), "an unexpected array 'patches'"),
+        (lambda h, a: a.update(hog=np.zeros((5, 1764), np.uint8)), "an unexpected array 'hog'"),
+        (lambda h, a: h["config"]["encoder"].update(vector_values=0), "inputs 'vector' of vectors without values"),
+        (lambda h, a: h["config"]["encoder"].update(vector_scale="odd"), r"encoder\.vector_scale is 'odd'"),
+        (lambda h, a: h["config"]["encoder"].update(kind="rates"), "standard|shape"),
+    ],
+)
+def test_what_is_forged_is_refused(forge: Callable[[dict[str, Any], Arrays], object], message: str) -> None:
+    with pytest.raises(ModelFileError, match=message) as told:
+        assembled(forge)
+    assert "\n" not in str(told.value)
+
+
+def test_on_and_off_of_a_value_are_altered_together() -> None:
+    activity = np.arange(8 * 600, dtype=np.float32).reshape(8, 600)
+    places = np.array([2, 5])
+    made = altered(activity, places, 0, 0, np.array([0.3, 0.9]), 2)
+    changed = made != activity[places]
+    assert np.array_equal(changed[:, :300], changed[:, 300:])
+    from_which = (made - np.arange(600)) / 600
+    assert np.array_equal(from_which[:, :300], from_which[:, 300:])
+    assert 0.2 < changed[0].mean() < 0.35
+    assert 0.7 < changed[1].mean() < 0.9

@@ -18,7 +18,7 @@ from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.engine.draw import LANES, draw_block, prepare_draws, scratch
 from lava_vpr.engine.inference.biases import biases, schedule, slopes, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.inputs.encoded import Keep
+from lava_vpr.inputs.encoder import Keep
 from lava_vpr.model import checked_network
 
 SINGLES, SECONDS = 1000, 1.0

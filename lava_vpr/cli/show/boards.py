@@ -33,10 +33,11 @@ input_mode_option = click.option(
 )
 
 
-def dense_rows_option(command: F) -> F:
-    """Give a command that places neurons the option ``--dense-rows``; see `check_dense_rows`."""
-    text = "Kapoho Bay: store rows without indices where that saves memory, which no public source shows (unproven)."
-    return click.option("--dense-rows", is_flag=True, help=text)(command)
+dense_rows_option = click.option(
+    "--dense-rows",
+    is_flag=True,
+    help="Kapoho Bay: store rows without indices where that saves memory, which no public source shows (unproven).",
+)
 
 
 def check_dense_rows(board: Board, dense_rows: bool) -> None:

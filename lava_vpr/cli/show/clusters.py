@@ -7,16 +7,18 @@ from contextlib import ExitStack, contextmanager
 
 import click
 
-from lava_vpr.cli.common import F, progress_bar, stderr
+from lava_vpr.cli.common import progress_bar, stderr
 from lava_vpr.cluster.connection import connected
 from lava_vpr.cluster.tasks import Pool, Standing
 from lava_vpr.engine.presentations import cores
 
-
-def cluster_option(command: F) -> F:
-    """Give a command whose work can be shared the option ``--cluster ADDRESS``."""
-    text = "Dask cluster that does the work: tcp://HOST:PORT, as dask scheduler prints it (extra 'cluster')."
-    return click.option("--cluster", "address", default=None, metavar="ADDRESS", help=text)(command)
+cluster_option = click.option(
+    "--cluster",
+    "address",
+    default=None,
+    metavar="ADDRESS",
+    help="Dask cluster that does the work: tcp://HOST:PORT, as dask scheduler prints it (extra 'cluster').",
+)
 
 
 class _Told:

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 from lava_vpr.matches import Match
 from lava_vpr.matching.answers import Answers
 from lava_vpr.model import Model
-from lava_vpr.positions.frames import LAT_LON, Positions, columns
-from lava_vpr.positions.stamps import shown_stamp
+from lava_vpr.positions.frames import LAT_LON, Positions, columns, shown_stamp
 from lava_vpr.storage.tables import csv_line, json_line
 from lava_vpr.traverse import Traverse
 from lava_vpr.truth.alignment import Located
@@ -94,7 +93,8 @@ class MatchTable:
 
     def csv_header(self) -> str:
         """The first line of a CSV file."""
-        return csv_line([*(column.name for column in self.columns), *candidate_columns(self.top, self.chances)])
+        further = [f"{key}_{rank}" for rank in range(2, self.top + 1) for key in self._keys]
+        return csv_line([*(column.name for column in self.columns), *(["score"] if self.top > 1 else []), *further])
 
     def csv(self, row: Row) -> str:
         """A row as a line of CSV."""
@@ -110,26 +110,19 @@ class MatchTable:
         values = ((column, row[column.name]) for column in self.columns)
         return {column.name: "" if value is None else column.text(value) for column, value in values}
 
+    @property
+    def _keys(self) -> tuple[str, ...]:
+        """What is told of each candidate."""
+        return ("place", "place_name", "score", *(("probability",) if self.chances else ()))
+
     def _further(self, best: list[Row]) -> list[object]:
         """The cells of a query's candidates; the first one's place and name stand in columns of their own."""
         if self.top == 1:
             return []
-        keys = [*_FURTHER, *(("probability",) if self.chances else ())]
         cells: list[object] = [best[0]["score"] if best else ""]
         for rank in range(1, self.top):
-            cells += [best[rank][key] if rank < len(best) else "" for key in keys]
+            cells += [best[rank][key] if rank < len(best) else "" for key in self._keys]
         return cells
-
-
-_FURTHER = ("place", "place_name", "score")
-
-
-def candidate_columns(top: int, chances: bool) -> list[str]:
-    """The names of the columns that tell the ``top`` best places, with or without the probability of each."""
-    if top == 1:
-        return []
-    keys = [*_FURTHER, *(("probability",) if chances else ())]
-    return ["score", *(f"{key}_{rank}" for rank in range(2, top + 1) for key in keys)]
 
 
 def sentences(table: MatchTable, row: Row, least: float) -> str:

@@ -36,7 +36,7 @@ STAGES = [
     ),
     ("extend m.lvpr query -o n.lvpr", "lava_vpr.maps:extend", "learning"),
     ("remove m.lvpr 1 -o n.lvpr", "lava_vpr.maps:remove", "joining what is left of 8 places"),
-    ("remove m.lvpr 1 -o n.lvpr", "lava_vpr.cli.models.maps:calibrated", "calibrating probabilities"),
+    ("remove m.lvpr 1 -o n.lvpr", "lava_vpr.cli.models.commands:calibrated", "calibrating probabilities"),
     ("fit m.lvpr --target kapoho-bay", "lava_vpr.deploy.bundle.deployment:plan_of", "placing 8 neurons"),
     ("deploy m.lvpr --target loihi2 -o b", "lava_vpr.cli.deploy:for_board", "measuring the network for the board"),
     ("deploy m.lvpr --target loihi2 -o b", "lava_vpr.cli.deploy:write_bundle", "placing 8 neurons"),

@@ -5,8 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -166,13 +165,12 @@ def test_a_line_comes_before_the_next_image_is_read(here: Path, monkeypatch: pyt
         events.append("read")
         return read(path)
 
-    @contextmanager
-    def writer(*file: Path) -> Iterator[Any]:
-        yield lambda piece: events.append(piece.count("\n"))
+    def write(piece: str) -> None:
+        events.append(piece.count("\n"))
 
     monkeypatch.setattr(traverse, "read_image", noted)
-    monkeypatch.setattr(command, "stdout_writer", writer)
-    monkeypatch.setattr(command, "text_writer", writer)
+    monkeypatch.setattr(command, "write_stdout", write)
+    monkeypatch.setattr(command, "text_writer", lambda path: nullcontext(write))
     run("query", "m.lvpr", "query", "-o", "-")
     assert events == [1, "read", 1, "read", "read", 2, *["read"] * 4, 4, "read", 1]
     events.clear()

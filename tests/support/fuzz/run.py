@@ -47,15 +47,14 @@ from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import LavaVprError
 from lava_vpr.model import Model, content, load, save
-from lava_vpr.positions.gpx import read_gpx
-from lava_vpr.positions.tables import read_table
+from lava_vpr.positions.track import read_gpx, read_table
 from lava_vpr.storage import container
 from lava_vpr.storage.limits import LIMITS, variable
 from lava_vpr.training.checkpoint import Checkpoint
 from lava_vpr.training.loop import split, train
 from lava_vpr.training.trainers import rule_of
 from lava_vpr.traverse import open_traverse
-from lava_vpr.truth.groundtruth import read_ground_truth
+from lava_vpr.truth.alignment import read_ground_truth
 
 CPU_SECONDS = 5.0
 """Processor time of one case, whatever else the machine does."""
