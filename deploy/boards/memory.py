@@ -73,10 +73,6 @@ class PackedRows:
         words[:, 0] = 0
         return words
 
-    def dense_rows(self, largest: int, bits: int) -> Integers:
-        """Words of dense rows of weights of so many ``bits``, int64 (neurons of the core + 1,)."""
-        return row_words(np.arange(largest + 1), bits)
-
     def described(self, cores: int, compartments: int) -> str:
         """Nothing: all that counts is public."""
         return ""

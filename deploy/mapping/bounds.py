@@ -36,20 +36,23 @@ def exceeded(sizing: Sizing) -> str:
         return ""
     to_relays, most = network.relayed * network.inputs, board.chips * memory.chip_synapses
     synapses = int(_drawn(sizing).sum()) + (1 + sizing.inhibits) * network.neurons + network.leaves + to_relays
-    if synapses > most:
-        return f"{network.neurons:,} neurons have {synapses:,} synapses, but {board.title} has at most {most:,}"
-    cores, bits = board.chips * board.cores, _weight_bits(sizing)
-    need, heaviest = -(-int(bits.sum()) // 8), -(-int(bits.max()) // 8)
-    if need > cores * memory.core_bytes:
-        return (
-            f"the weights of {network.neurons:,} neurons take {need:,} bytes, but the {cores} cores of {board.title} "
-            f"have {cores * memory.core_bytes:,} for all that they hold"
-        )
-    if heaviest > memory.core_bytes:
-        return (
-            f"the weights of a neuron take {heaviest:,} bytes, but a core of {board.title} has {memory.core_bytes:,} "
-            "for all that it holds"
-        )
-    if least_cores(sizing) > cores:
-        return f"{network.neurons:,} neurons need {least_cores(sizing)} cores, but {board.title} has {cores}"
-    return ""
+    cores, bits, bytes_of = board.chips * board.cores, _weight_bits(sizing), memory.core_bytes
+    need, heaviest, least = -(-int(bits.sum()) // 8), -(-int(bits.max()) // 8), least_cores(sizing)
+    neurons, have = f"{network.neurons:,} neurons", cores * bytes_of
+    told = (
+        (synapses, most, f"{neurons} have {synapses:,} synapses, but {board.title} has at most {most:,}"),
+        (
+            need,
+            have,
+            f"the weights of {neurons} take {need:,} bytes, but the {cores} cores of {board.title} have {have:,} for "
+            "all that they hold",
+        ),
+        (
+            heaviest,
+            bytes_of,
+            f"the weights of a neuron take {heaviest:,} bytes, but a core of {board.title} has {bytes_of:,} for all "
+            "that it holds",
+        ),
+        (least, cores, f"{neurons} need {least} cores, but {board.title} has {cores}"),
+    )
+    return next((said for amount, limit, said in told if amount > limit), "")

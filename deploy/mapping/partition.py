@@ -15,12 +15,14 @@ with the least busy core.
 
 from __future__ import annotations
 
+from operator import attrgetter
+
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import Plan
-from lava_vpr.deploy.mapping.layout import CoreLayout, layout_of
+from lava_vpr.deploy.mapping.layout import layout_of
 from lava_vpr.deploy.mapping.limits import check, host_spikes
 from lava_vpr.deploy.mapping.mesh import assign_cores
 from lava_vpr.deploy.mapping.placing import Placed, balanced, place
@@ -64,17 +66,12 @@ def partition(
     layouts = [layout for layout in found if layout is not None]
     if not layouts:
         raise refusal(sizing, fewest_cores)
-    layout = min(layouts, key=_cost)
+    layout = min(layouts, key=attrgetter("added", "busiest"))
     positions, hops = assign_cores(layout.traffic(), board)
     order = np.lexsort((positions[:, 1], positions[:, 0]))
     cores = tuple(layout.core_plan(int(number), *positions[number].tolist()) for number in order)
     spikes = host_spikes(network, rates)
     return Plan(network, board, cores, sizing.weight_bits, sizing.inhibition_bits, hops, spikes)
-
-
-def _cost(layout: CoreLayout) -> tuple[float, float]:
-    """What is small of the best of layouts on equally few cores."""
-    return layout.added, layout.busiest
 
 
 def ways(sizing: Sizing) -> list[Placed]:

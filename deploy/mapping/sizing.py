@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.boards.memory import UNLIMITED, PackedRows
+from lava_vpr.deploy.boards.memory import UNLIMITED, PackedRows, row_words
 from lava_vpr.deploy.registers.synapses import lateral_synapse
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -179,7 +179,8 @@ class Sizing:
         operations = memory.sparse_rows(self.largest, self.weight_bits)
         if not (self.may_be_dense and isinstance(memory, PackedRows)):
             return operations, operations
-        dense, sizes = memory.dense_rows(self.largest, self.weight_bits), np.arange(self.largest + 1)
+        sizes = np.arange(self.largest + 1)
+        dense = row_words(sizes, self.weight_bits)
         operations = np.where(operations < UNLIMITED, operations, dense[:, None])
         operations[sizes, sizes] = dense
         return operations, np.minimum(operations, dense[:, None])
