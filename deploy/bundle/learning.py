@@ -25,14 +25,13 @@ from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.encoding import rates16
 from lava_vpr.engine.inference.quantise import mantissa_of
 from lava_vpr.engine.learning import stdp
-from lava_vpr.engine.learning.integer import IntegerState
+from lava_vpr.engine.learning.integer import IntegerState, initial_state
 from lava_vpr.engine.learning.lava_order import (
     FACTOR_BITS,
     FoldedPhase,
     FoldedTrainer,
     folded_phases,
     library_seed,
-    start_state,
 )
 from lava_vpr.engine.learning.recruiting import key_again, recruit, rounds
 from lava_vpr.engine.random import image_keys, presentation_key, stretch_key
@@ -126,7 +125,7 @@ def _stretch_learning(model: Model, stretch: Stretch, rates: NDArray[np.uint16])
     start = stretch_key(images[stretch.view, first : first + stretch.places])  # as training draws its start weights
     return ChipLearning(
         phases=folded_phases(learning, inputs, spikes),
-        start=start_state(learning, inputs, stretch.neurons, spikes, config.seed, start),
+        start=initial_state(inputs, stretch.neurons, learning, spikes, config.seed, start),
         seeds=tuple(library_seed(config.seed, start, epoch) for epoch in range(learning.epochs)),
         epochs=np.array([epoch for epoch, _, _ in shown], np.int32),
         images=np.array([shown_as * model.places + place for _, shown_as, place in shown], np.int32),

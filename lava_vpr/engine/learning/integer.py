@@ -217,12 +217,12 @@ def phases(learning: StdpLearning, inputs: int, spikes_per_step: float) -> tuple
 
 
 def initial_state(
-    inputs: int, neurons: int, learning: StdpLearning, per_unit: float, seed: int, stretch: int = 0
+    inputs: int, neurons: int, learning: StdpLearning, spikes_per_step: float, seed: int, stretch: int
 ) -> IntegerState:
     """Random start weights, those of float learning rounded; a ``stretch`` draws its own, by its key."""
     draws = uniform(presentation_key(seed, "start", stretch), inputs * neurons).reshape(inputs, neurons)
     weights = learning.start_weight * (draws + 0.01) * (WEIGHT_LIMIT / learning.w_max)
-    theta = np.full(neurons, round(learning.threshold * per_unit), np.int32)
+    theta = np.full(neurons, round(learning.threshold * unit(learning, spikes_per_step)), np.int32)
     return IntegerState(np.minimum(np.round(weights), WEIGHT_LIMIT).astype(np.uint8), theta)
 
 
@@ -336,7 +336,7 @@ class IntegerTrainer:
     ) -> None:
         self.learning = learning
         self.competition, self.consolidation = phases(learning, inputs, spikes_per_step)
-        self.state = initial_state(inputs, neurons, learning, unit(learning, spikes_per_step), seed, stretch)
+        self.state = initial_state(inputs, neurons, learning, spikes_per_step, seed, stretch)
         self.phase = self.competition
 
     def begin_epoch(self, epoch: int) -> None:

@@ -34,11 +34,9 @@ from lava_vpr.engine.learning.integer import (
     AGAIN,
     IntegerLearning,
     IntegerState,
-    initial_state,
     normalise,
     phases,
     present,
-    unit,
 )
 from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws
 from lava_vpr.engine.learning.recruiting import Thresholds
@@ -142,13 +140,6 @@ def folded_phases(learning: StdpLearning, inputs: int, spikes_per_step: float) -
         )
     )
     return first, second
-
-
-def start_state(
-    learning: StdpLearning, inputs: int, neurons: int, spikes_per_step: float, seed: int, stretch: int
-) -> IntegerState:
-    """Start weights and thresholds, those of integer learning; ``stretch`` is its key."""
-    return initial_state(inputs, neurons, learning, unit(learning, spikes_per_step), seed, stretch)
 
 
 def library_seed(seed: int, stretch: int, epoch: int) -> int:
