@@ -14,8 +14,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
-from support.common.imagefiles import QUICK, image_bytes, png, png_chunk, refused, smooth_picture, upright, written
+from support.common.imagefiles import (
+    QUICK,
+    exif,
+    image_bytes,
+    png,
+    png_chunk,
+    refused,
+    smooth_picture,
+    tiff,
+    upright,
+    webp_with_exif,
+    written,
+)
 
 from lava_vpr.errors import InputError
 from lava_vpr.images.formats import orientation_of, walk
@@ -25,21 +36,6 @@ from lava_vpr.positions.track import read_track
 from lava_vpr.traverse import open_traverse
 
 # ---------------------------------------------------------------- image formats
-
-
-def exif(orientation: int, order: str = ">") -> bytes:
-    """An EXIF block that holds nothing but an orientation."""
-    magic = {">": b"MM\0*", "<": b"II*\0"}[order]
-    return magic + struct.pack(order + "IHHHIHHI", 8, 1, 0x0112, 3, 1, orientation, 0, 0)
-
-
-def tiff(image: NDArray[np.uint8], orientation: int) -> bytes:
-    """An uncompressed grey TIFF with an orientation tag."""
-    h, w = image.shape
-    tags = [(256, w), (257, h), (258, 8), (259, 1), (262, 1), (273, 134), (274, orientation), (277, 1), (278, h)]
-    tags.append((279, w * h))
-    directory = b"".join(struct.pack("<HHII", tag, 4 if tag in (273, 279) else 3, 1, value) for tag, value in tags)
-    return b"II*\0" + struct.pack("<IH", 8, len(tags)) + directory + b"\0\0\0\0" + image.tobytes()
 
 
 def tiff_of_strip(strip: bytes, shape: tuple[int, int], compression: int = 1) -> bytes:
@@ -65,15 +61,6 @@ def bmp_of_runs(width: int, height: int) -> bytes:
     header = struct.pack("<IiiHHIIiiII", 40, width, height, 1, 8, 1, len(runs), 0, 0, 256, 0)
     start = 14 + len(header) + len(palette)
     return b"BM" + struct.pack("<IHHI", start + len(runs), 0, 0, start) + header + palette + runs
-
-
-def webp_with_exif(image: NDArray[np.uint8], block: bytes) -> bytes:
-    """A lossless WebP file with an EXIF block."""
-    size = struct.pack("<I", image.shape[1] - 1)[:3] + struct.pack("<I", image.shape[0] - 1)[:3]
-    extended = b"VP8X" + struct.pack("<I", 10) + bytes([8, 0, 0, 0]) + size
-    body = b"WEBP" + extended + image_bytes(".webp", image, cv2.IMWRITE_WEBP_QUALITY, 101)[12:]
-    body += b"EXIF" + struct.pack("<I", len(block)) + block + b"\0" * (len(block) % 2)
-    return b"RIFF" + struct.pack("<I", len(body)) + body
 
 
 @pytest.mark.parametrize("suffix", [".png", ".bmp", ".tif", ".tiff", ".PNG", ".Bmp"])
