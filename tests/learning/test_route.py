@@ -49,7 +49,7 @@ def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_every_option_of_the_command_is_an_argument_and_the_other_way_round() -> None:
     arguments = set(inspect.signature(train).parameters) - {"settings"} | set(SETTINGS)
     options = {str(option.name) for option in command.params}
-    options = {{"address": "cluster"}.get(name, name) for name in options}
+    options = {{"address": "cluster", "jobs": "threads"}.get(name, name) for name in options}
     assert options - {"output"} == arguments - {"rates", "progress", "checkpoint"}  # a file; what only Python gives
 
 
