@@ -1,4 +1,4 @@
-"""What an evaluation report is made of: plain arrays and texts, with no way back to files or models."""
+"""What an evaluation report is made of: plain arrays and texts, checked once, with no way back to files or models."""
 
 from __future__ import annotations
 
@@ -112,3 +112,36 @@ class ReportData:
     map: MapData | None = None
     trust: Mapping[str, Trust] = field(default_factory=dict)
     followed: Mapping[str, Metrics] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        queries, places = len(self.query_names), len(self.place_names)
+        _check("metrics", self.default_decoder in self.metrics, f"must hold {self.default_decoder!r}")
+        for name, array, shape in (
+            ("truth", self.truth, (queries, places)),
+            *((f"matrices[{name!r}]", matrix, (queries, places)) for name, matrix in self.matrices.items()),
+            ("matches", self.matches, (queries,)),
+            ("confidence", self.confidence, (queries,)),
+        ):
+            _check(name, array.shape == shape, f"must have shape {shape}")
+        in_range = bool(np.all((self.matches >= -1) & (self.matches < places)))
+        _check("matches", in_range, f"must lie in -1..{places - 1}")
+        for kind, length in (("place", places), ("query", queries)):
+            _check(f"{kind}_numbers", len(getattr(self, f"{kind}_numbers")) == length, f"must hold {length} numbers")
+            images = getattr(self, f"{kind}_thumbnails")
+            good = images.ndim == 4 and len(images) == length and images.shape[3] == 3 and images.dtype == np.uint8
+            _check(f"{kind}_thumbnails", good, f"must be uint8 of shape ({length}, h, w, 3)")
+        if self.map is not None:
+            for name, points, length in (("places", self.map.places, places), ("queries", self.map.queries, queries)):
+                good = points.shape == (length, 2) and bool(np.isfinite(points).all())
+                _check(f"map.{name}", good, f"must be finite, of shape ({length}, 2)")
+        if self.weights is not None:
+            known = self.drawing == "strokes" or self.input_layout.channels in (1, 2)
+            _check("input_layout", known, "must have one or two channels to be drawn in grey")
+            shape = (self.input_layout.inputs, len(self.neuron_places))
+            _check("weights", self.weights.shape == shape, f"must have shape {shape}")
+
+
+def _check(name: str, condition: bool, requirement: str) -> None:
+    """Refuse arrays that do not belong together; a caller's defect, nothing a user can cause."""
+    if not condition:
+        raise ValueError(f"ReportData.{name} {requirement}")

@@ -86,8 +86,8 @@ class DenseSynapses(CheckedProcess):
         require("DenseSynapses: a weight", weights, np.isfinite(weights), "finite")
         self.sign = sign_of(weights, sign_mode)
         limit = WEIGHT_EXPONENT_LIMIT
-        lif.need(whole(weight_exp) and abs(weight_exp) <= limit, "weight_exp", weight_exp, f"in {-limit}..{limit}")
-        lif.need(
+        need(whole(weight_exp) and abs(weight_exp) <= limit, "weight_exp", weight_exp, f"in {-limit}..{limit}")
+        need(
             whole(num_weight_bits) and 1 <= num_weight_bits <= WEIGHT_BITS,
             "num_weight_bits",
             num_weight_bits,
@@ -112,11 +112,11 @@ class DenseSynapses(CheckedProcess):
         Raises:
             NetworkLimitError: a weight out of the range of its sign mode, or not a whole number.
         """
-        lif.stored_weights(self.weights.init if weights is None else weights, self.bits, self.sign, of="DenseSynapses")
+        stored_weights(self.weights.init if weights is None else weights, self.bits, self.sign, of="DenseSynapses")
 
     def compile_kernels(self) -> None:
         """Compile the kernel before the models are forked."""
-        lif.dense_step(np.zeros((1, 1), np.int32), np.ones(1, bool), 0, np.zeros(1, np.int64), np.zeros(1, np.int32))
+        dense_step(np.zeros((1, 1), np.int32), np.ones(1, bool), 0, np.zeros(1, np.int64), np.zeros(1, np.int32))
 
 
 class _LibraryDense(LibrarySynapses):

@@ -81,6 +81,12 @@ def recipes() -> dict[str, str]:
     return {title: text for title, text in found}
 
 
+def test_there_are_walks_recipes_and_an_hour_to_check() -> None:
+    assert len(STEPS) >= 20
+    assert {"A decoder", "An input", "A Process", "A backend", "A board", "A dataset"} <= set(recipes())
+    assert len(re.findall(r"^\d+\. `([\w/]+\.py)`", part("Read this code in an hour"), re.MULTILINE)) == 8
+
+
 @pytest.mark.parametrize("title", sorted(recipes()))
 def test_a_recipe_names_files_and_symbols_that_exist(title: str) -> None:
     """A file of the recipe exists unless it is marked as new; so does what the recipe says it defines."""

@@ -86,3 +86,29 @@ def test_listed_help_is_the_commands_own() -> None:
         assert command.name == name
         assert text.endswith(".")
         assert command.help
+
+
+def of_untouched_images(text: str) -> list[str]:
+    """Claims that images played no part in finding the settings: all that is known is what the search did not see."""
+    words = re.sub(r"[\s>|*\"'#]+", " ", text)
+    return re.findall(
+        r"(?i)[^.]{0,60}\b(?:nothing|no settings?|no numbers?) (?:was|were|has been) (?:ever )?chosen", words
+    )
+
+
+def test_no_page_claims_images_on_which_nothing_was_chosen() -> None:
+    """Longer maps were looked at while the network was built (docs/network.md); some pages are written by programs."""
+    assert of_untouched_images('"ten further sections, on\n    which nothing was "\n "chosen"')
+    folders = (ROOT / name for name in ("docs", "benchmarks", "scripts", "examples", "lava_vpr", "deploy", "processes"))
+    files = [
+        *PAGES,
+        *(path for folder in folders for path in folder.rglob("*") if path.suffix in (".md", ".py", ".ipynb")),
+    ]
+    assert len(files) > 400
+    found = {str(path.relative_to(ROOT)): of_untouched_images(path.read_text(encoding="utf-8")) for path in files}
+    assert {name: claims for name, claims in found.items() if claims} == {}
+    assert "were looked at" in (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
+
+
+def test_security_is_found_from_the_readme() -> None:
+    assert "docs/security.md" in (ROOT / "README.md").read_text(encoding="utf-8")

@@ -41,6 +41,10 @@ def texts(cell: dict[str, Any]) -> list[str]:
     return found
 
 
+def test_there_are_four() -> None:
+    assert set(NOTEBOOKS) == {"deploy", "first_map", "lava_processes", "learning"}
+
+
 @EACH
 def test_it_is_a_notebook_of_format_4(name: str) -> None:
     cells = READ[name]["cells"]

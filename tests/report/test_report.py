@@ -258,6 +258,19 @@ def test_degenerate_reports() -> None:
     assert "0 of 12 best matches right" in unanswered
 
 
+def test_arrays_that_do_not_belong_together_are_refused() -> None:
+    for name, value in (
+        ("truth", np.eye(3, dtype=np.bool_)),
+        ("matches", np.full(12, 12)),
+        ("weights", np.zeros((3, 12))),
+        ("query_numbers", (0, 1)),
+        ("query_thumbnails", np.zeros((12, 4, 4), np.uint8)),
+        ("default_decoder", "none"),
+    ):
+        with pytest.raises(ValueError, match=r"ReportData\.\w+ must"):
+            example(**{name: value})
+
+
 # In a browser
 
 
@@ -377,6 +390,13 @@ def test_a_map_of_equal_positions_or_of_a_jump_is_drawn() -> None:
     route = re.search(r'<section id="map">.*?<g id="map-LineCollection_1">(.*?)</g>', text, re.DOTALL)
     assert route is not None
     assert route[1].count("<path") == 10  # of 11 steps, all but the jump
+
+
+def test_positions_that_do_not_belong_to_the_images_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"map\.queries must be finite, of shape \(12, 2\)"):
+        mapped(BEND, BEND[1:])
+    with pytest.raises(ValueError, match=r"map\.places must be finite"):
+        mapped(np.full((12, 2), np.nan))
 
 
 def test_on_a_phone_nothing_sticks_out_and_words_can_be_read(tmp_path: Path) -> None:
