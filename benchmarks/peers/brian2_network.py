@@ -152,8 +152,8 @@ class Brian2Network:
         counts = self._run()
         return counts, time.perf_counter() - start
 
-    def present_spikes(self, when: NDArray[np.int32], sources: NDArray[np.int32]) -> tuple[NDArray[np.int64], float]:
-        """Show an image from rest with these input spikes (steps and inputs, as `draw_spikes` returns them)."""
+    def present_spikes(self, when: NDArray[np.int64], sources: NDArray[np.int64]) -> tuple[NDArray[np.int64], float]:
+        """Show an image from rest with these input spikes: their steps, ascending, and inputs."""
         start = time.perf_counter()
         if self.learn:
             self._normalise()

@@ -1,8 +1,9 @@
-"""Compiled drawing of Poisson input spikes, four steps at a time; equal to `lava_vpr.engine.random.draws`."""
+"""Compiled drawing of Poisson input spikes, a hash at a time; equal to `lava_vpr.engine.random.draws`."""
 
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,105 +12,76 @@ from lava_vpr.engine.random import GOLDEN, mix
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.kernelcache import compiled
 
-LANES = 4
-_ZERO, _ONE, _S2, _S3, _S32, _S56 = (np.uint64(x) for x in (0, 1, 2, 3, 32, 56))
+_ZERO, _ONE, _S3, _S32, _S56 = (np.uint64(x) for x in (0, 1, 3, 32, 56))
 _BYTE_INDEX = np.uint64(0x0001020304050607)
 
-if sys.byteorder != "little":  # the kernel reads the four 16-bit draws of a hash in memory order
+if sys.byteorder != "little":  # the kernel reads the draws of a hash in memory order
     raise BackendUnavailableError("the host engine needs a little-endian processor; run it on x86-64 or ARM")
 
 
-@compiled()
-def scratch(
-    inputs: int,
-) -> tuple[
-    NDArray[np.int32],
-    NDArray[np.uint64],
-    NDArray[np.uint16],
-    NDArray[np.uint64],
-    NDArray[np.uint8],
-    NDArray[np.int32],
-    NDArray[np.int32],
-    NDArray[np.int64],
-]:
-    """Arrays that `prepare_draws` (the first three) and `draw_block` work in, for one presentation after another."""
-    return (
-        np.empty(inputs + 1, np.int32),  # active inputs
-        np.empty(inputs + 1, np.uint64),  # start of their counters
-        np.empty(LANES * (inputs + 1), np.uint16),  # their rates, once a lane
-        np.empty(inputs + 1, np.uint64),  # hashes
-        np.empty((LANES * (inputs + 1) + 7) // 8 * 8, np.uint8),  # which draws are below their rate
-        np.empty(inputs // 2 + 2, np.int32),  # words of that mask with any set
-        np.empty((LANES, inputs + 1), np.int32),  # spiking inputs of each lane
-        np.zeros(LANES, np.int64),  # how many
-    )
-
-
 @compiled(inline="always")
-def prepare_draws(
-    rates: NDArray[np.uint16],
-    key: np.uint64,
-    active: NDArray[np.int32],
-    offsets: NDArray[np.uint64],
-    rates4: NDArray[np.uint16],
-) -> int:
-    """List the inputs with a rate, the start of their counters, and their rate once per lane; returns how many.
-
-    Padded to an even number with an input that never spikes, so that the mask splits into whole 64-bit words.
-    """
-    n = 0
-    for j in range(rates.size):
-        if rates[j] > 0:
-            active[n] = j
-            offsets[n] = key + GOLDEN * np.uint64(j)
-            for lane in range(LANES):
-                rates4[LANES * n + lane] = rates[j]
-            n += 1
-    if n % 2 == 1:
-        active[n] = 0
-        offsets[n] = key
-        for lane in range(LANES):
-            rates4[LANES * n + lane] = 0
-        n += 1
-    return n
-
-
-@compiled(inline="always")
-def draw_block(
-    block: int,
-    n: int,
-    active: NDArray[np.int32],
-    offsets: NDArray[np.uint64],
-    rates4: NDArray[np.uint16],
-    words: NDArray[np.uint64],
-    mask: NDArray[np.uint8],
+def _draw(
+    flags: NDArray[np.uint8],
     occupied: NDArray[np.int32],
+    active: NDArray[np.int32],
     spikes: NDArray[np.int32],
     counts: NDArray[np.int64],
 ) -> None:
-    """Draw steps 4 ``block`` .. 4 ``block`` + 3: lane l's spiking inputs, ascending, in ``spikes[l, :counts[l]]``."""
-    start = GOLDEN * (np.uint64(block) << _S32)
-    for k in range(n):
-        words[k] = mix(offsets[k] + start)
-    lanes = words.view(np.uint16)
-    for k in range(LANES * n):
-        mask[k] = lanes[k] < rates4[k]
-    pairs = mask.view(np.uint64)
-    for lane in range(LANES):
-        counts[lane] = 0
-    # Two passes without unpredictable branches: where the mask is set at all, then which of its bytes.
+    """List the active inputs with a flag by lanes: those of lane l, ascending, in ``spikes[l, :counts[l]]``."""
+    groups, counts[:] = flags.view(np.uint64), 0
+    last, shift = np.uint64(counts.size - 1), np.uint64(counts.size // 2)
+    # Two passes without unpredictable branches: where a word is set at all, then which of its bytes.
     n_set = np.uint64(0)  # unsigned indices spare the compiler numpy's wrap-around of negative ones
-    for p in range(np.uint64(n // 2)):
+    for p in range(groups.size):
         occupied[n_set] = np.int32(p)
-        n_set += np.uint64(pairs[p] != _ZERO)
+        n_set += np.uint64(groups[p] != _ZERO)
     for m in range(n_set):
-        pair = np.uint64(occupied[m])
-        flags = pairs[pair]
-        while flags != _ZERO:
+        group = np.uint64(occupied[m])
+        left = groups[group]
+        while left != _ZERO:
             # The lowest set byte b of a word of 0/1 bytes is 1 << 8b; this product carries b in its top byte.
-            lowest = flags & (~flags + _ONE)
-            k = (pair << _S3) + ((lowest * _BYTE_INDEX) >> _S56)
-            flags ^= lowest
-            lane = k & _S3
-            spikes[lane, np.uint64(counts[lane])] = active[k >> _S2]
+            lowest = left & (~left + _ONE)
+            k = (group << _S3) + ((lowest * _BYTE_INDEX) >> _S56)
+            left ^= lowest
+            lane = k & last
+            spikes[lane, np.uint64(counts[lane])] = active[k >> shift]
             counts[lane] += 1
+
+
+@compiled()
+def poisson_spikes(rates: NDArray[Any], key: np.uint64, steps: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """The Poisson spikes of one presentation: those of step t are ``members[starts[t]:starts[t + 1]]``, ascending.
+
+    A hash holds a draw for each of four steps, its lanes, with rates of 16 bits; for two with rates of 32.
+
+    Args:
+        rates: Spike probabilities, uint16 (inputs,) in units of 2^-16, or uint32 in units of 2^-32.
+        key: Key of the presentation.
+        steps: Steps with input.
+    """
+    lanes, active = 8 // rates.itemsize, np.flatnonzero(rates).astype(np.int32)
+    # Padded with inputs that never spike, so that the flags of all lanes make whole 64-bit words.
+    width = -(-active.size // rates.itemsize) * rates.itemsize
+    offsets, limits = np.zeros(width, np.uint64), np.zeros(lanes * width, rates.dtype)
+    for k in range(active.size):
+        offsets[k] = key + GOLDEN * np.uint64(active[k])
+        limits[lanes * k : lanes * (k + 1)] = rates[active[k]]
+    words, flags = np.empty(width, np.uint64), np.empty(limits.size, np.uint8)
+    occupied, counts = np.empty(flags.size // 8 + 1, np.int32), np.zeros(lanes, np.int64)
+    spikes = np.empty((lanes, active.size), np.int32)
+    starts, members = np.zeros(steps + 1, np.int64), np.empty(2 * flags.size + 64, np.int32)
+    drawn = words.view(rates.dtype)
+    for first in range(0, steps, lanes):
+        start = GOLDEN * (np.uint64(first // lanes) << _S32)
+        for k in range(width):
+            words[k] = mix(offsets[k] + start)
+        for k in range(flags.size):
+            flags[k] = drawn[k] < limits[k]
+        _draw(flags, occupied, active, spikes, counts)
+        if members.size < starts[first] + flags.size:
+            members = np.concatenate((members, np.empty_like(members)))
+        for lane in range(min(lanes, steps - first)):
+            begin, end = starts[first + lane], starts[first + lane] + counts[lane]
+            members[begin:end] = spikes[lane, : counts[lane]]
+            starts[first + lane + 1] = end
+    return starts, members[: starts[steps]]

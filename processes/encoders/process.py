@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -9,8 +10,7 @@ import numpy as np
 from lava.proc.lif.process import LIF
 from numpy.typing import NDArray
 
-from lava_vpr.encoding import draw_spikes
-from lava_vpr.engine.draw import LANES, draw_block, prepare_draws, scratch
+from lava_vpr.engine.draw import poisson_spikes
 from lava_vpr.engine.inference.biases import LEVEL, THRESHOLD, biases, schedule, start_membranes
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, INPUT_SHIFT, NO_MEMORY_DECAY
@@ -21,7 +21,36 @@ from lava_vpr.processes.base.magma import AbstractSubProcessModel, model_of
 from lava_vpr.processes.base.neurons import check_state
 
 
-class PoissonEncoder(EncoderProcess):
+class _ListedEncoder(EncoderProcess):
+    """An encoder that lists the spikes of a presentation when it begins."""
+
+    spikes_of: Callable[[NDArray[Any], np.uint64, int], tuple[NDArray[np.int64], NDArray[np.int32]]]
+    """Where the spikes of each step begin in a list of all, and the list, of rates, key and steps with input."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(spikes_of=self.spikes_of, **kwargs)
+
+    def compile_kernels(self) -> None:
+        """Compile the kernel before the models are forked."""
+        self.spikes_of(np.ones(1, f"uint{self.rate_bits}"), np.uint64(0), 1)
+
+
+class _ListedModel(EncoderModel):
+    """The base of the models of a `_ListedEncoder`."""
+
+    starts: NDArray[np.int64]
+    listed: NDArray[np.int32]
+
+    def begin(self, image: int) -> None:
+        """List the spikes of a presentation, step by step."""
+        self.starts, self.listed = self.proc_params["spikes_of"](self.rates[image], self.keys[image], self.steps)
+
+    def members(self, step: int) -> NDArray[np.int32]:
+        """The inputs whose turn it is."""
+        return self.listed[self.starts[step] : self.starts[step + 1]]
+
+
+class PoissonEncoder(_ListedEncoder):
     """Sends Poisson spikes, one presentation after another; after the last it is silent.
 
     In step t of the presentation with key k, input j spikes if a random number of 16 bits is below its rate::
@@ -39,37 +68,15 @@ class PoissonEncoder(EncoderProcess):
     Arguments, port and Var as `lava_vpr.processes.base.encoders.EncoderProcess`.
     """
 
-    def compile_kernels(self) -> None:
-        """Compile the drawing kernels before the models are forked."""
-        arrays = scratch(1)
-        n = prepare_draws(np.ones(1, np.uint16), np.uint64(0), *arrays[:3])
-        draw_block(0, n, *arrays)
+    spikes_of = staticmethod(poisson_spikes)
 
 
 @model_of(PoissonEncoder, "fixed", "float")
-class PyPoissonEncoder(EncoderModel):
-    """The model draws the spikes of four steps at a time."""
-
-    def __init__(self, proc_params: Any) -> None:
-        super().__init__(proc_params)
-        self.arrays = scratch(self.rates.shape[1])
-        self.drawn, self.sizes = self.arrays[-2:]
-        self.active = 0
-
-    def begin(self, image: int) -> None:
-        """Prepare the draws of a presentation."""
-        self.active = prepare_draws(self.rates[image], self.keys[image], *self.arrays[:3])
-
-    def members(self, step: int) -> NDArray[np.int32]:
-        """The inputs whose draw is below their rate."""
-        lane = step % LANES
-        if lane == 0:
-            draw_block(step // LANES, self.active, *self.arrays)
-        chosen: NDArray[np.int32] = self.drawn[lane, : self.sizes[lane]]
-        return chosen
+class PyPoissonEncoder(_ListedModel):
+    """Inputs whose draw is below their rate."""
 
 
-class RegularEncoder(EncoderProcess):
+class RegularEncoder(_ListedEncoder):
     """Sends the spikes of `engine.inference.biases.bias_input_spikes`, presentation after presentation, then none.
 
     Input j spikes every ``LEVEL // bias + 1`` steps, for the first time when its start membrane says. They are the
@@ -78,50 +85,27 @@ class RegularEncoder(EncoderProcess):
     Arguments, port and Var as `lava_vpr.processes.base.encoders.EncoderProcess`.
     """
 
-    def compile_kernels(self) -> None:
-        """Compile the kernel before the models are forked."""
-        schedule(np.ones(1, np.int32), np.uint64(0), 1)
+    spikes_of = staticmethod(lambda rates, key, steps: schedule(np.left_shift(*biases(rates)), key, steps))
 
 
 @model_of(RegularEncoder, "fixed", "float")
-class PyRegularEncoder(EncoderModel):
-    """The model works out a presentation's spikes at its start."""
-
-    starts: NDArray[np.int64]
-    listed: NDArray[np.int32]
-
-    def begin(self, image: int) -> None:
-        """List the spikes of a presentation, step by step."""
-        slopes = np.left_shift(*biases(self.rates[image]))
-        self.starts, self.listed = schedule(slopes, self.keys[image], self.steps)
-
-    def members(self, step: int) -> NDArray[np.int32]:
-        """The inputs whose turn it is."""
-        return self.listed[self.starts[step] : self.starts[step + 1]]
+class PyRegularEncoder(_ListedModel):
+    """Inputs whose interval has passed."""
 
 
-class FinePoissonEncoder(EncoderProcess):
+class FinePoissonEncoder(_ListedEncoder):
     """Sends the draws of `lava_vpr.encoding.draw_spikes`, one presentation after another; then it is silent.
 
     Rates are in units of 2^-32. Arguments, port and Var as `lava_vpr.processes.base.encoders.EncoderProcess`.
     """
 
     rate_bits = 32
+    spikes_of = staticmethod(poisson_spikes)
 
 
 @model_of(FinePoissonEncoder, "float")
-class PyFinePoissonEncoder(EncoderModel):
-    """The model draws a presentation's spikes when it begins."""
-
-    drawn: NDArray[np.bool_]
-
-    def begin(self, image: int) -> None:
-        """Draw the spikes of a presentation."""
-        self.drawn = draw_spikes(self.rates[image], int(self.keys[image]), self.steps)
-
-    def members(self, step: int) -> NDArray[np.integer]:
-        """The inputs that were drawn for this step."""
-        return np.flatnonzero(self.drawn[step])
+class PyFinePoissonEncoder(_ListedModel):
+    """Inputs whose draw is below their rate of 32 bits."""
 
 
 def _check_bias(name: str, largest: int, value: NDArray[Any]) -> None:

@@ -42,28 +42,19 @@ def recorded(monkeypatch: pytest.MonkeyPatch, name: str) -> list[Any]:
     return results
 
 
-def test_what_is_drawn_are_the_spikes_that_a_board_is_sent(monkeypatch: pytest.MonkeyPatch) -> None:
-    shown = queries().shown
-    lists = recorded(monkeypatch, "schedule")
-    made = network(regular=True)
+@pytest.mark.parametrize(
+    ("regular", "name", "spikes_of"), [(True, "schedule", bias_input_spikes), (False, "poisson_spikes", draw_spikes)]
+)
+def test_what_is_drawn_are_the_spikes_that_a_board_is_sent(
+    regular: bool, name: str, spikes_of: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown, lists = queries().shown, recorded(monkeypatch, name)
+    made = network(regular=regular)
     alone._draw(made, shown.rates[0], shown.keys[0])
     ((starts, members),) = lists
-    spikes = bias_input_spikes(shown.rates[0], int(shown.keys[0]), made.steps)
-    assert starts[-1] == len(members) == spikes.sum() > 100
-
-
-def test_poisson_spikes_are_drawn_in_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    shown, made, drawn = queries().shown, network(regular=False, steps=10), []
-    draw_block = alone.draw_block
-
-    def call(block: int, active: int, *arrays: Any) -> None:
-        draw_block(block, active, *arrays)
-        drawn.extend(arrays[-1].tolist())
-
-    monkeypatch.setattr(alone, "draw_block", call)
-    alone._draw(made, shown.rates[0], shown.keys[0])
-    spikes = draw_spikes(shown.rates[0], int(shown.keys[0]), 12).sum(axis=1)
-    assert drawn == spikes.tolist()  # four steps at a time, so two more than the network has
+    spikes = spikes_of(shown.rates[0], int(shown.keys[0]), made.steps)
+    assert np.diff(starts).tolist() == spikes.sum(axis=1).tolist()
+    assert len(members) == spikes.sum() > 100
 
 
 def test_inputs_that_integrate_a_bias_are_set(monkeypatch: pytest.MonkeyPatch) -> None:

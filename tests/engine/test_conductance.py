@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from support.literal.floats import Slow, slow_presentation
 
 from lava_vpr.config import Config, preset
+from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.conductance import run as conductance_run
-from lava_vpr.engine.conductance.kernels import ConductanceDrive, draw_spikes, input_drive
+from lava_vpr.engine.conductance.kernels import ConductanceDrive, input_drive
 from lava_vpr.engine.conductance.model import (
     ConductanceState,
     constants,
@@ -21,7 +22,7 @@ from lava_vpr.engine.conductance.model import (
     initial_state,
     train_presentation,
 )
-from lava_vpr.engine.random import draws, presentation_key, presentation_keys, uniform
+from lava_vpr.engine.random import presentation_key, presentation_keys, uniform
 from lava_vpr.errors import ConfigError, InputError
 
 INPUTS, NEURONS = 14, 6
@@ -148,24 +149,13 @@ def test_more_plastic_neurons_than_slots() -> None:
     np.testing.assert_array_equal(state.weights, slow.weights)
 
 
-@pytest.mark.parametrize("steps", [1, 2, 301])
-@pytest.mark.parametrize("high", [0.0, 0.01, 1.0])
-def test_input_spikes_are_the_draws_below_the_rates(steps: int, high: float) -> None:
-    rates = some_rates(1, 2, high)[0]
-    rates[3] = np.uint32(2**32 - 1) if high == 1.0 else rates[3]
-    when, sources = draw_spikes(rates, np.uint64(77), steps)
-    expected = np.nonzero(draws(77, steps, INPUTS, bits=32) < rates)
-    np.testing.assert_array_equal(when, expected[0])
-    np.testing.assert_array_equal(sources, expected[1])
-
-
 @pytest.mark.parametrize(("longest", "span"), [(0, 16), (5, 16), (40, 16)])
 def test_input_sums_carry_over_from_chunk_to_chunk(longest: int, span: int) -> None:
     """Also where a delay is longer than a chunk, which the default sizes never reach."""
     rng = np.random.default_rng(4)
     n, steps = 11, 50
     weights, delays = rng.random((n, INPUTS)), rng.integers(0, longest + 1, (n, INPUTS)).astype(np.uint16)
-    when, sources = draw_spikes(some_rates(1)[0], np.uint64(5), steps)
+    when, sources = (each.astype(np.int32) for each in np.nonzero(draw_spikes(some_rates(1)[0], 5, steps)))
     chunks = [np.empty((span, n)) for _ in range(6)]
     carry = np.zeros((n, longest))
     for k, chunk in enumerate(chunks):
@@ -310,13 +300,13 @@ def test_brian2_gives_the_same_spikes(rule: str) -> None:
     learning = Brian2Network(config, copy(state), learn=True, inputs="spikes")
     for image in rates:
         counts, _ = train_presentation(state, image, key, config)
-        theirs, _ = learning.present_spikes(*draw_spikes(image, np.uint64(key), config.network.steps))
+        theirs, _ = learning.present_spikes(*np.nonzero(draw_spikes(image, key, config.network.steps)))
         np.testing.assert_array_equal(counts, theirs)
         assert counts.sum() > 5
         np.testing.assert_allclose(state.weights, learning.weights, rtol=0, atol=1e-12)
         np.testing.assert_allclose(state.theta_mv, learning.theta_mv, rtol=1e-12)
     frozen = Brian2Network(config, copy(state), learn=False, inputs="spikes")
     counts, _ = count_spikes(state, rates[:1], np.array([key], np.uint64), config)
-    theirs, _ = frozen.present_spikes(*draw_spikes(rates[0], np.uint64(key), config.network.steps))
+    theirs, _ = frozen.present_spikes(*np.nonzero(draw_spikes(rates[0], key, config.network.steps)))
     np.testing.assert_array_equal(counts[0], theirs)
     assert counts.sum() > 5

@@ -12,7 +12,7 @@ from scipy import stats
 
 from lava_vpr.encoding import draw_spikes, rates16
 from lava_vpr.engine import random
-from lava_vpr.engine.draw import LANES, draw_block, prepare_draws, scratch
+from lava_vpr.engine.draw import poisson_spikes
 from lava_vpr.engine.inference.biases import LEVEL, bias_input_spikes, biases, schedule, start_membranes
 from lava_vpr.engine.random import presentation_key, presentation_keys
 
@@ -93,18 +93,17 @@ def test_keys_keep_roles_seeds_epochs_and_images_apart() -> None:
         random.presentation_key(0, "test", 0)
 
 
+@pytest.mark.parametrize("unit", [np.uint16, np.uint32])
+@pytest.mark.parametrize("steps", [1, 2, 30, 301])
 @pytest.mark.parametrize("with_rate", [0, 1, 2, 5, 784])
-def test_kernel_draws_the_defined_spikes(with_rate: int) -> None:
-    rng = np.random.default_rng(with_rate)
-    rates = np.zeros(INPUTS, np.uint16)
-    rates[rng.choice(INPUTS, with_rate, replace=False)] = rng.integers(1, 65536, with_rate)
-    expected = draw_spikes(rates, key(), 30)
-    active, offsets, rates4, words, mask, occupied, spikes, counts = scratch(INPUTS)
-    n = prepare_draws(rates, np.uint64(key()), active, offsets, rates4)
-    for block in range(7):
-        draw_block(block, n, active, offsets, rates4, words, mask, occupied, spikes, counts)
-        for lane in range(LANES):
-            assert spikes[lane, : counts[lane]].tolist() == np.flatnonzero(expected[4 * block + lane]).tolist()
+def test_kernel_draws_the_defined_spikes(with_rate: int, steps: int, unit: type[np.integer]) -> None:
+    rng, most = np.random.default_rng(with_rate), np.iinfo(unit).max
+    rates = np.zeros(INPUTS, unit)
+    rates[rng.choice(INPUTS, with_rate, replace=False)] = rng.integers(1, most, with_rate, unit, endpoint=True)
+    expected = draw_spikes(rates, key(), steps)
+    starts, members = poisson_spikes(rates, np.uint64(key()), steps)
+    assert starts.tolist() == [0, *expected.sum(axis=1).cumsum()]
+    assert members.tolist() == np.nonzero(expected)[1].tolist()
 
 
 def test_rate_and_inter_spike_intervals_are_those_of_a_bernoulli_process() -> None:

@@ -15,7 +15,7 @@ from lava_vpr.backends.rivals import chosen
 from lava_vpr.bench.measure.child import decoder_of, host_answer, singles
 from lava_vpr.bench.peers import Places, cosine_answer, hog_answer, one_blas_thread, sad_answer
 from lava_vpr.bench.query_set import QuerySet
-from lava_vpr.engine.draw import LANES, draw_block, prepare_draws, scratch
+from lava_vpr.engine.draw import poisson_spikes
 from lava_vpr.engine.inference.biases import biases, schedule, slopes, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.inputs.encoder import Keep
@@ -44,10 +44,7 @@ def _draw(network: FixedNetwork, rates: NDArray[np.uint16], key: np.uint64) -> N
     elif network.regular:
         schedule(slopes()[rates], key, network.steps)
     else:
-        arrays = scratch(len(rates))
-        active = prepare_draws(rates, key, *arrays[:3])
-        for block in range(-(-network.steps // LANES)):
-            draw_block(block, active, *arrays)
+        poisson_spikes(rates, key, network.steps)
 
 
 def beside_board(queries: QuerySet) -> float:

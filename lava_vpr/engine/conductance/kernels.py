@@ -1,4 +1,4 @@
-"""Compiled kernels of the conductance network: input spikes, one presentation's dynamics, and its plasticity.
+"""Compiled kernels of the conductance network: one presentation's dynamics, and its plasticity.
 
 Order within a step, as Brian2's default schedule has it: states, thresholds, synapses (input arrivals with their part
 of the learning, exc to inh, inh to exc, then the postsynaptic part of the learning), resets.
@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.engine.random import GOLDEN, mix
 from lava_vpr.kernelcache import compiled
 
 FROZEN, TRIPLET, PAPER = 0, 1, 2
@@ -25,7 +24,6 @@ E_OFFSET, E_THRESHOLD = 20.0, -52.0
 I_REST, I_RESET, I_THRESHOLD = -60.0, -45.0, -40.0
 EXC_TO_INH, INH_TO_EXC = 10.4, 17.0
 NEVER = -(1 << 40)
-_S32 = np.uint64(32)
 _BLOCK = 8  # float64 of one cache line
 
 
@@ -51,66 +49,12 @@ class Constants(NamedTuple):
 
 
 class ConductanceDrive(NamedTuple):
-    """Weights and delays (neurons, inputs), and one presentation's input spikes as `draw_spikes` returns them."""
+    """Weights and delays (neurons, inputs), and one presentation's input spikes: their steps, ascending, and inputs."""
 
     weights: NDArray[np.float64]
     delays: NDArray[np.uint16]
     when: NDArray[np.int32]
     sources: NDArray[np.int32]
-
-
-@compiled(nogil=True)
-def draw_spikes(rates: NDArray[np.uint32], key: np.uint64, steps: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """All input spikes of one presentation: their steps, ascending, and their inputs, ascending within a step.
-
-    Equal to the ones in ``draws(key, steps, inputs, bits=32) < rates`` of `lava_vpr.engine.random`.
-    """
-    n = 0
-    expected = 0.0
-    active = np.empty(rates.size, np.int32)
-    for j in range(rates.size):
-        expected += rates[j] * 2.0**-32 * steps
-        if rates[j] > 0:
-            active[n] = j
-            n += 1
-    width = (n + 3) // 4 * 4  # both lanes of four inputs are one 64-bit word of flags; the padding never spikes
-    offsets = np.zeros(width, np.uint64)
-    limits = np.zeros(2 * width, np.uint32)
-    for k in range(n):
-        offsets[k] = key + GOLDEN * np.uint64(active[k])
-        limits[2 * k] = limits[2 * k + 1] = rates[active[k]]
-    words = np.empty(width, np.uint64)
-    flags = np.empty(2 * width, np.uint8)
-    spikes = np.empty((2, int(1.2 * expected) + 2 * n + 64), np.int32)
-    second = np.empty(n, np.int32)
-    end = 0
-    for block in range((steps + 1) // 2):
-        start = GOLDEN * (np.uint64(block) << _S32)
-        for k in range(width):
-            words[k] = mix(offsets[k] + start)
-        lanes = words.view(np.uint32)
-        for k in range(2 * width):
-            flags[k] = lanes[k] < limits[k]
-        if end + 2 * n > spikes.shape[1]:
-            grown = np.empty((2, 2 * spikes.shape[1] + 2 * n), np.int32)
-            for p in range(end):
-                grown[0, p], grown[1, p] = spikes[0, p], spikes[1, p]
-            spikes = grown
-        groups = flags.view(np.uint64)
-        n_second = 0
-        for p in range(width // 4):
-            if groups[p] != 0:
-                for k in range(4 * p, 4 * p + 4):
-                    if flags[2 * k]:
-                        spikes[0, end], spikes[1, end] = 2 * block, active[k]
-                        end += 1
-                    if flags[2 * k + 1]:
-                        second[n_second] = active[k]
-                        n_second += 1
-        for s in range(n_second if 2 * block + 1 < steps else 0):
-            spikes[0, end], spikes[1, end] = 2 * block + 1, second[s]
-            end += 1
-    return spikes[0, :end], spikes[1, :end]
 
 
 @compiled(nogil=True)
@@ -128,19 +72,6 @@ def normalise(weights: NDArray[np.float64], target: float) -> None:
 
 
 @compiled(nogil=True)
-def first_spike(when: NDArray[np.int32], step: int) -> int:
-    """Index of the first spike at ``step`` or later, by bisection."""
-    low, high = 0, when.size
-    while low < high:
-        middle = (low + high) // 2
-        if when[middle] < step:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
-@compiled(nogil=True)
 def input_drive(net: ConductanceDrive, begin: int, carry: NDArray[np.float64], drive: NDArray[np.float64]) -> None:
     """Sum the weights that arrive at every neuron in the steps from ``begin``, as many as ``drive`` has rows.
 
@@ -149,8 +80,8 @@ def input_drive(net: ConductanceDrive, begin: int, carry: NDArray[np.float64], d
     neuron after another, so that what is scattered to stays in the first-level cache.
     """
     span, longest = drive.shape[0], carry.shape[1]
-    first = first_spike(net.when, begin)
-    n = first_spike(net.when, begin + span) - first
+    first = np.searchsorted(net.when, begin)
+    n = np.searchsorted(net.when, begin + span) - first
     when, source = np.empty(n, np.uint32), np.empty(n, np.uint32)  # unsigned: no test for negative indices below
     for p in range(n):
         when[p], source[p] = net.when[first + p] - begin, net.sources[first + p]

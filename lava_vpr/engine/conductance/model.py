@@ -34,10 +34,10 @@ from lava_vpr.engine.conductance.kernels import (
     TRIPLET,
     ConductanceDrive,
     Constants,
-    draw_spikes,
     normalise,
 )
 from lava_vpr.engine.conductance.run import present
+from lava_vpr.engine.draw import poisson_spikes
 from lava_vpr.engine.presentations import check_presentations, check_rates, share
 from lava_vpr.engine.random import presentation_key, uniform
 from lava_vpr.errors import ConfigError, InputError
@@ -173,6 +173,14 @@ def _own(array: NDArray[np.generic], dtype: type, order: Literal["C", "F"] = "C"
     return np.require(array, dtype=dtype, requirements=[order, "W"])
 
 
+def _driven(
+    weights: NDArray[np.float64], delays: NDArray[np.uint16], rates: NDArray[np.uint32], key: np.uint64, steps: int
+) -> ConductanceDrive:
+    """A network with the input spikes of one presentation."""
+    starts, sources = poisson_spikes(rates, key, steps)
+    return ConductanceDrive(weights, delays, np.repeat(np.arange(steps, dtype=np.int32), np.diff(starts)), sources)
+
+
 def named_events(raw: NDArray[np.int64], neurons: int, n: int, c: Constants) -> dict[str, int]:
     """Event counts by name, summed over ``n`` presentations, the rest included."""
     operations, inputs, exc, inh = (int(x) for x in raw)
@@ -212,10 +220,9 @@ def train_presentation(
     state.theta_mv = _own(state.theta_mv, np.float64)
     state.delays = _own(state.delays, np.uint16, "F")
     normalise(state.weights.T, learning.weight_sum)
-    when, sources = draw_spikes(_own(rates, np.uint32), np.uint64(key), c.steps)
     counts = np.zeros(state.weights.shape[1], np.int32)
     raw = np.zeros(4, np.int64)
-    net = ConductanceDrive(state.weights.T, state.delays.T, when, sources)
+    net = _driven(state.weights.T, state.delays.T, _own(rates, np.uint32), np.uint64(key), c.steps)
     longest, traces = int(state.delays.max(initial=0)), trace_table(c.total, network.dt_ms)
     present(net, state.theta_mv, traces, RULES[learning.rule], longest, c, counts, raw)
     return counts, named_events(raw, len(counts), 1, c)
@@ -256,7 +263,7 @@ def count_spikes(
     def run(part: slice) -> NDArray[np.int64]:
         raw = np.zeros(4, np.int64)
         for q in range(part.start, part.stop):
-            net = ConductanceDrive(weights, delays, *draw_spikes(rates[q], keys[q], c.steps))
+            net = _driven(weights, delays, rates[q], keys[q], c.steps)
             present(net, np.array(state.theta_mv, np.float64), traces, FROZEN, longest, c, counts[q], raw)
         return raw
 

@@ -25,7 +25,6 @@ from lava_vpr.engine.conductance.kernels import (
     Plastic,
     arrive,
     calm,
-    first_spike,
     input_drive,
     learn,
     new_plastic,
@@ -158,7 +157,7 @@ def _recruit_clipped(
 def _undelivered(net: ConductanceDrive, longest: int, total: int) -> int:
     """Input spikes times synapses that the presentation ends before."""
     lost = 0
-    for p in range(first_spike(net.when, total - longest), net.when.size):
+    for p in range(np.searchsorted(net.when, total - longest), net.when.size):
         for i in range(net.delays.shape[0]):
             lost += net.when[p] + np.int64(net.delays[i, net.sources[p]]) >= total
     return lost

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
+from lava_vpr.engine.draw import poisson_spikes
 from lava_vpr.engine.inference.biases import schedule
 from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT, STATE_LIMIT
@@ -174,9 +174,8 @@ def present(
         raster: Filled if not empty, uint8 (n, total, neurons).
     """
     threshold, lateral, keep, steps = numbers.threshold, numbers.lateral, numbers.keep, numbers.steps
-    nothing, no_members, no_row = np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros(0, np.uint8)
+    no_members, no_row = np.zeros(0, np.int32), np.zeros(0, np.uint8)
     inputs, width, neurons = rates.shape[1], weights.shape[1], counts.shape[1]
-    active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
     v, own, input_bias = np.zeros(width, np.int32), np.zeros(width, np.int32), np.zeros(inputs, np.int32)
     volleys = np.zeros(numbers.total + numbers.inhibition_delay, np.bool_)  # the steps in which volleys take
     operations, input_spikes, exc_spikes, leaf_spikes, root_spikes = 0, 0, 0, 0, 0
@@ -185,29 +184,19 @@ def present(
             for j in range(inputs):
                 input_bias[j] = slopes[rates[q, j]]
             starts, members = schedule(input_bias, keys[q], steps)
-            n = 0
         else:
-            starts, members = nothing, no_members
-            n = prepare_draws(rates[q], keys[q], active, offsets, rates4)
+            starts, members = poisson_spikes(rates[q], keys[q], steps)
         if q == 0 or bias.shape[0] > 1:
             own[:neurons] = bias[q]
         v[:] = own  # step 0: nothing but the bias has arrived
         volleys[:] = False
         for step in range(1, numbers.total):
-            # 1. The input spikes that arrive: from the schedule, or drawn for four steps at a time.
-            drawn = step - numbers.input_delay
-            if drawn < 0 or drawn >= steps:
-                arriving = no_members
-            elif numbers.regular:
-                arriving = members[starts[drawn] : starts[drawn + 1]]
-            else:
-                if drawn & 3 == 0:
-                    draw_block(drawn >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
-                arriving = spikes[drawn & 3, : spike_counts[drawn & 3]]
-            # 2. What they bring: sums of weights.
+            # 1. The input spikes that arrive, and what they bring: sums of weights.
+            sent = step - numbers.input_delay
+            arriving = members[starts[sent] : starts[sent + 1]] if 0 <= sent < steps else no_members
             operations += _add_rows(weights, row_sizes, arriving, acc)
             input_spikes += arriving.size
-            # 3. All membranes, less what the inhibitory neuron takes; then this step's spikes.
+            # 2. All membranes, less what the inhibitory neuron takes; then this step's spikes.
             pull = lateral if volleys[step] else np.int32(0)
             if integrate(v, acc, own, pull, keep, bounded) > threshold:
                 row = raster[q, step] if raster.size > 0 else no_row

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
+from lava_vpr.engine.draw import poisson_spikes
 from lava_vpr.engine.general.lif import LifConstants, lif_step
 from lava_vpr.engine.inference.biases import schedule
 from lava_vpr.engine.random import GOLDEN, mix
@@ -174,12 +174,10 @@ def train(
     """
     steps, whole, fraction = phase.steps, phase.whole, phase.fraction
     inputs, neurons = weights.shape
-    active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
-    n, starts, members = 0, np.zeros(0, np.int64), np.zeros(0, np.int32)
     if phase.regular:
         starts, members = schedule(slopes, key, steps)
     else:
-        n = prepare_draws(rates, key, active, offsets, rates4)
+        starts, members = poisson_spikes(rates, key, steps)
     u, v = np.zeros(neurons, np.int32), np.zeros(neurons, np.int32)
     held, bias = np.zeros(neurons, np.int32), np.zeros(neurons, np.int64)
     buffer, drive = np.zeros(neurons, np.int32), np.zeros(neurons, np.int64)
@@ -197,25 +195,17 @@ def train(
                 drive[i] -= inhibition[i]
         n_fired[now] = lif_step(u, v, theta, held, drive, bias, phase.lif, fired[now])
         # What the inputs of this step will bring, by the weights before this step's learning.
-        lane = step & 3
-        if phase.regular and step < steps:
-            spike_counts[lane] = starts[step + 1] - starts[step]
-            spikes[lane, : spike_counts[lane]] = members[starts[step] : starts[step + 1]]
-        elif lane == 0 and step < steps:
-            draw_block(step >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
-        arrivals = spike_counts[lane] if step < steps else 0
         buffer[:] = 0
         if warm:
             _decay_epochs(value[:classes], classes, whole, fraction, draws.traces[step])
         _decay_epochs(value[classes:], min(step, steps), whole, fraction, draws.traces[step])
         if step < steps:
             value[classes + step] = TRACE_LIMIT
-        for s in range(arrivals):
-            row = np.uint64(spikes[lane, s])
+        for s in range(starts[min(step, steps)], starts[min(step + 1, steps)]):
+            row = np.uint64(members[s])
             last[row] = classes + step
             for i in range(neurons):
                 buffer[i] += weights[row, i]
-        events[0] += arrivals
         if n_fired[now] > 0:
             events[1] += n_fired[now]
             for j in range(inputs):
@@ -225,5 +215,6 @@ def train(
                 counts[i] += fired[now, i]
                 if raster.size > 0:
                     raster[step, i] = fired[now, i]
+    events[0] += members.size
     for j in range(inputs):
         x[j] = value[last[j]]

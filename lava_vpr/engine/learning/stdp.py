@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import StdpLearning
-from lava_vpr.engine.draw import draw_block, prepare_draws, scratch
+from lava_vpr.engine.draw import poisson_spikes
 from lava_vpr.engine.inference.biases import schedule, slopes
 from lava_vpr.engine.presentations import check_rates
 from lava_vpr.engine.random import presentation_key, uniform
@@ -154,12 +154,10 @@ def _train(
     """
     inhibition, gain = phase.inhibition, phase.gain
     inputs, neurons = weights.shape
-    active, offsets, rates4, words, mask, occupied, spikes, spike_counts = scratch(inputs)
-    n, starts, members = 0, np.zeros(0, np.int64), np.zeros(0, np.int32)
     if phase.regular:
         starts, members = schedule(slopes, key, phase.steps)
     else:
-        n = prepare_draws(rates, key, active, offsets, rates4)
+        starts, members = poisson_spikes(rates, key, phase.steps)
     last = np.full(inputs, -1, np.int32)
     free_from = np.zeros(neurons, np.int32)
     drive = np.zeros(neurons, np.float32)
@@ -167,19 +165,12 @@ def _train(
     fired = np.zeros((3, neurons), np.int32)
     n_fired = np.zeros(3, np.int64)
     for step in range(phase.steps):
-        lane = step & 3
-        if phase.regular:
-            spike_counts[lane] = starts[step + 1] - starts[step]
-            spikes[lane, : spike_counts[lane]] = members[starts[step] : starts[step + 1]]
-        elif lane == 0:
-            draw_block(step >> 2, n, active, offsets, rates4, words, mask, occupied, spikes, spike_counts)
         drive[:] = 0
-        for s in range(spike_counts[lane]):
-            row = np.uint64(spikes[lane, s])
+        for s in range(starts[step], starts[step + 1]):
+            row = np.uint64(members[s])
             last[row] = step
             for i in range(neurons):
                 drive[i] += weights[row, i]
-        events[0] += spike_counts[lane]
         now, before = step % 3, (step + 1) % 3  # (step - 2) mod 3
         for i in range(neurons):
             drive[i] *= gain
@@ -200,6 +191,7 @@ def _train(
                     counts[i] += 1
                     _learn(i, weights, last, step, phase)
             events[1] += n_fired[now]
+    events[0] += members.size
 
 
 def mean_trace(inputs: int, spikes_per_step: float, tau: float) -> float:
