@@ -84,11 +84,10 @@ def prepare() -> None:
             os.environ["NUMBA_CACHE_DIR"] = str(own)
 
 
-def compiled(*signatures: Any, **options: Any) -> Any:
-    """`numba.njit` with a cache that can fail without harm: a decorator of kernels.
+def compiled(**options: Any) -> Any:
+    """`numba.njit` with a cache that can fail without harm: a decorator of kernels, each compiled at its first call.
 
     Args:
-        signatures: At most one: the only types that the kernel takes.
         options: As for `numba.njit`, without ``cache``.
     """
     import numba
@@ -101,9 +100,6 @@ def compiled(*signatures: Any, **options: Any) -> Any:
             kernel._cache = _cache_class()(function)
         except RuntimeError:  # numba found no folder that can be written
             _note("lava-vpr's own folder and your home", "no permission to write")
-        for signature in signatures:
-            kernel.compile(signature)
-            kernel.disable_compile()
         return kernel
 
     return decorate

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config
@@ -92,6 +91,8 @@ def counted(count: Count[N], network: N, blocks: Iterable[Block], *, pool: Pool,
 
 def sparsely(network: Any, task: _BlockTask) -> tuple[Any, dict[str, int]]:
     """A task: counts of one block, of which nearly all are 0 where places are many, as those that are not."""
+    from scipy.sparse import csr_matrix  # a cluster's workers alone need it
+
     counts, events = task.counting(network, task.block, 1)
     return csr_matrix(counts), events
 

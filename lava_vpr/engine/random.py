@@ -12,7 +12,6 @@ from __future__ import annotations
 import zlib
 from typing import Any
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,7 +26,7 @@ _MASK = (1 << 64) - 1
 ROLES = ("train", "response", "query", "start", "delay", "calibration", "projection")
 
 
-@compiled(nb.uint64(nb.uint64), inline="always")
+@compiled(inline="always")
 def mix(x: np.uint64) -> np.uint64:
     """SplitMix64's finaliser, a bijection of 64-bit words."""
     x = (x ^ (x >> _S30)) * _MIX_1

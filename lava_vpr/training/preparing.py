@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from lava_vpr.config import Config, StdpLearning, preset
 from lava_vpr.encoding import activity_of, check_seen
@@ -38,6 +37,8 @@ def nearest(places: Positions, images: Positions) -> tuple[NDArray[np.int64], ND
     Raises:
         InputError: the frames of the two cannot be compared.
     """
+    from scipy.spatial import cKDTree  # images without positions need no scipy
+
     metres, found = cKDTree(images.to(places.frame).points()).query(places.points())
     return np.asarray(found, np.int64), np.asarray(metres, np.float64)
 
