@@ -8,6 +8,8 @@ STAMP := $(VENV)/.installed
 LOCK = requirements/$$($(BIN)/python -c 'import sys; print("lock" if sys.version_info[:2] == (3, 10) else "lock-host")').txt
 # Whoever waits at a terminal sees what is installed.
 QUIET := $(shell test -t 2 || echo --quiet)
+# Where Pythons keep no compiled modules, as in many containers, each of the hundreds that tests start compiles all it imports.
+unexport PYTHONDONTWRITEBYTECODE
 # Tests run side by side, one row of them a processor.
 TESTS := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 

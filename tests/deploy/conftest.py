@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
-from support.boards import host_programs
-from support.boards.kapoho_board import board, load_program  # noqa: F401
+from support.boards.kapoho_board import board, flat, load_program  # noqa: F401
 
 
 @pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def program(flat: Path) -> Any:  # noqa: F811
     """The modules of the program for Kapoho Bay, of which `rungs` is every board's."""
-    return load_program(host_programs.flat("kapoho_bay", tmp_path_factory.mktemp("flat") / "program"))
+    return load_program(flat)

@@ -108,8 +108,14 @@ class Unwatched(contextlib.nullcontext[None]):
     let_go = None
 
 
+@pytest.fixture(scope="session")
+def flat(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The program in one folder; never written to."""
+    return host_programs.flat("kapoho_bay", tmp_path_factory.mktemp("flat") / "program")
+
+
 @pytest.fixture
-def board(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Any:
+def board(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, flat: Path) -> Any:
     """See `Board`; NxSDK's stand-in is forgotten afterwards."""
     monkeypatch.syspath_prepend(str(STANDIN))
     monkeypatch.setenv("KAPOHOBAY", "1")
@@ -118,7 +124,7 @@ def board(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], t
     handler = signal.getsignal(signal.SIGTERM)
     from nxsdk_standin.faults import FAULTS  # the stand-in is on the path only here
 
-    yield Board(load_program(host_programs.flat("kapoho_bay", tmp_path / "program")), FAULTS, capsys)
+    yield Board(load_program(flat), FAULTS, capsys)
     signal.signal(signal.SIGTERM, handler)
     for name in [name for name in sys.modules if name.split(".")[0] in ("nxsdk", "nxsdk_standin")]:
         del sys.modules[name]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,7 @@ class Array:
         return len(self.used)
 
 
+@cache
 def fields_of(register: str) -> Rows:
     """The rows of the fields of ``register`` that a public program writes."""
     found = {name.removeprefix(f"{register}."): name for name in BELIEFS if name.startswith(f"{register}.")}
