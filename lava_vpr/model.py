@@ -20,12 +20,11 @@ from lava_vpr.errors import LavaVprError, ModelFileError
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.matching import decoders
 from lava_vpr.matching.equations import assign
-from lava_vpr.modelfile import LEARNED, checked
+from lava_vpr.modelfile import LEARNED, STANDARD, checked, standard_of
 from lava_vpr.positions.frames import Positions
 from lava_vpr.storage import container
 from lava_vpr.storage.arrays import UnfitError, narrow
 from lava_vpr.storage.text import shown
-from lava_vpr.vectors.kept import STANDARD, standard_of
 
 
 @dataclass(frozen=True)

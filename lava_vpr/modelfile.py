@@ -40,7 +40,9 @@ from lava_vpr.engine import effort
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
 from lava_vpr.errors import ConfigError, brief
-from lava_vpr.inputs.encoder import INPUTS
+from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
+from lava_vpr.inputs.patches import HOG_VALUES
+from lava_vpr.inputs.vectors import LARGEST_VALUE, Standard, width_for
 from lava_vpr.loihi import WEIGHT_LIMIT
 from lava_vpr.matching.probability import KINDS
 from lava_vpr.positions.frames import LAT_LON, MOST_METRES, XY, fits, is_frame
@@ -48,7 +50,6 @@ from lava_vpr.settings.conductance import ConductanceLearning, ConductanceNetwor
 from lava_vpr.settings.ranges import real, whole
 from lava_vpr.storage.arrays import ArrayRule, UnfitError, check_arrays, check_keys
 from lava_vpr.storage.limits import excess
-from lava_vpr.vectors.kept import check_standard, seen_rules
 
 FIGURES = ("spikes_per_image", "neurons_used", "places_covered")
 """The figures of the training run."""
@@ -67,6 +68,9 @@ _MOST_VERSION, MOST_COUNT = 40, 2**53
 _HEADERS = 1 << 16
 """Bytes that are set aside for the settings, and for what each array says of itself."""
 _MOST_FLOAT = float(np.finfo(np.float32).max)
+STANDARD = "standard."
+"""What the names of the arrays begin with that vectors are measured by (`lava_vpr.inputs.vectors.Standard`)."""
+_LEAST_SCALE = float(np.finfo(np.float32).tiny)
 _HEADER = ("version", "config", "stretches", "place_names", "route_images", "training")
 
 
@@ -115,7 +119,7 @@ def checked(
     if "calibration" in arrays:
         rules["calibration"] = _calibration_rule(arrays["calibration"], config)
     check_arrays({name: array for name, array in arrays.items() if name not in own}, rules, _OPTIONAL)
-    check_standard(arrays)
+    _check_standard(arrays)
     _check_frame(header, arrays)
     _check_places(arrays, sizes, count(header["route_images"], "route_images", sizes.places))
     _check_figures(header["training"])
@@ -321,8 +325,46 @@ def _rules(config: Config, sizes: Sizes) -> dict[str, ArrayRule]:
         "thumbnails": ArrayRule("uint8", (places, 48, 64, 3), most=255),
         "positions": ArrayRule("float64", (places, 2), least=-MOST_METRES, most=MOST_METRES),
         "calibration": ArrayRule("float32", (_MOST_SAMPLES, 2), least=-1.0, most=_MOST_FLOAT),
-        **seen_rules(config.encoder, images),
+        **_seen_rules(config.encoder, images),
     }
+
+
+def _seen_rules(encoder: EncoderConfig, images: int) -> dict[str, ArrayRule]:
+    """What the arrays must be that are of images alone, or of vectors alone."""
+    row, values = INPUTS[encoder.kind], encoder.vector_values
+    if row.sees != "vector":
+        return {
+            "patches": ArrayRule("uint8", (images, 28, 28), most=255),
+            "hog": ArrayRule("uint8", (images, HOG_VALUES), most=255),
+        }
+    rules = {"vectors": ArrayRule("float32", (images, values), least=-LARGEST_VALUE, most=LARGEST_VALUE)}
+    if row.standardised:
+        projects = values > encoder.vector_kept
+        width, kept = (width_for(values), encoder.vector_kept) if projects else (0, 0)
+        rules |= {
+            f"{STANDARD}mean": ArrayRule("float32", (values,), least=-LARGEST_VALUE, most=LARGEST_VALUE),
+            f"{STANDARD}scale": ArrayRule("float32", (values,), least=_LEAST_SCALE, most=LARGEST_VALUE),
+            f"{STANDARD}signs": ArrayRule("int8", (width,), least=-1, most=1),
+            f"{STANDARD}kept": ArrayRule("int32", (kept,), most=max(0, width - 1)),
+        }
+    return rules
+
+
+def standard_of(arrays: Mapping[str, NDArray[Any]]) -> Standard | None:
+    """What vectors are measured by, if the ``arrays`` of a model file hold it."""
+    own = {name: array for name, array in arrays.items() if name.startswith(STANDARD)}
+    return Standard(**{name.removeprefix(STANDARD): array for name, array in own.items()}) if own else None
+
+
+def _check_standard(arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Refuse signs that are none, and numbers of a transform that are not ascending.
+
+    Raises:
+        UnfitError: there are such.
+    """
+    standard = standard_of(arrays)
+    if standard is not None and ((standard.signs == 0).any() or (np.diff(standard.kept) <= 0).any()):
+        raise UnfitError("a projection with a sign of 0, or with numbers that do not ascend")
 
 
 def _calibration_rule(samples: NDArray[Any], config: Config) -> ArrayRule:

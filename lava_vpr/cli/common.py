@@ -6,8 +6,8 @@ import inspect
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from functools import partial, reduce, wraps
+from contextlib import ExitStack, contextmanager, suppress
+from functools import reduce, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -30,52 +30,63 @@ from lava_vpr.storage.text import harmless
 from lava_vpr.traverse import Traverse
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+    from rich.status import Status
+
     from lava_vpr.show.table import Table
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-class Numbers(click.ParamType):
-    """Whole numbers, with commas between.
+class Parsed(click.ParamType):
+    """The value of an option that is more than a number or a name.
 
     Args:
-        least: The least that each may be.
+        name: How usage shows it.
+        parse: Makes the value of its text; its `ValueError` is the message.
+        written: The text of a value.
     """
 
-    name = "N,N,..."
+    def __init__(self, name: str, parse: Callable[[str], Any], written: Callable[[Any], str] = str) -> None:
+        self.name, self.parse, self.written = name, parse, written
 
-    def __init__(self, least: int = 1) -> None:
-        self.least = least
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        try:
+            return self.parse(value) if isinstance(value, str) else value
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, ...]:
-        if isinstance(value, tuple):
-            return value
-        words, least = str(value).split(","), self.least
+
+def _with_commas(numbers: Iterable[float]) -> str:
+    return ",".join(f"{number:g}" for number in numbers)
+
+
+def whole_numbers(least: int = 1) -> Parsed:
+    """Whole numbers of at least ``least``, with commas between."""
+
+    def parse(text: str) -> tuple[int, ...]:
+        words = text.split(",")
         if not all(word.isascii() and word.isdigit() and len(word) <= 9 and int(word) >= least for word in words):
             example = f"{500 if least else 0},{10 if least else 1}"
-            self.fail(
-                f"{value!r} are no numbers of at least {least} with commas between, for instance {example}", param, ctx
-            )
-        return tuple(int(word) for word in words)
+            raise ValueError(f"{text!r} are no numbers of at least {least} with commas between, for instance {example}")
+        return tuple(map(int, words))
+
+    return Parsed("N,N,...", parse, _with_commas)
 
 
-class Values(click.ParamType):
-    """Numbers above 0, each once, with commas between."""
+def different_numbers(text: str) -> tuple[float, ...]:
+    """Numbers above 0, each once, with commas between; `ValueError`: the text holds none such."""
+    numbers: tuple[float, ...] = ()
+    with suppress(ValueError):
+        numbers = tuple(map(float, text.split(",")))
+    if not numbers or not all(math.isfinite(number) and number > 0 for number in numbers):
+        raise ValueError(f"{text!r} are no numbers above 0 with commas between, for instance 1,2,4")
+    if len(set(numbers)) < len(numbers):
+        raise ValueError(f"{text!r} names a number twice; give each once")
+    return numbers
 
-    name = "X,X,..."
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
-        if isinstance(value, tuple):
-            return value
-        try:
-            numbers = tuple(float(word) for word in str(value).split(","))
-        except ValueError:
-            numbers = ()
-        if not numbers or not all(math.isfinite(number) and number > 0 for number in numbers):
-            self.fail(f"{value!r} are no numbers above 0 with commas between, for instance 1,2,4", param, ctx)
-        if len(set(numbers)) < len(numbers):
-            self.fail(f"{value!r} names a number twice; give each once", param, ctx)
-        return numbers
+VALUES = Parsed("X,X,...", different_numbers, _with_commas)
 
 
 class Number(click.FloatRange):
@@ -192,11 +203,17 @@ console = PlainConsole()
 stderr = PlainConsole(stderr=True)
 
 
+class Moved(Protocol):
+    """What moves a bar."""
+
+    def __call__(self, by: int, note: str = "") -> None: ...
+
+
 @contextmanager
-def progress_bar(text: str, total: int) -> Iterator[Callable[[int, str], None]]:
-    """A bar on a terminal, nothing in a pipe; yields ``advance(by, note)``."""
+def progress_bar(text: str, total: int) -> Iterator[Moved]:
+    """A bar on a terminal, nothing in a pipe; yields what moves it."""
     if not sys.stderr.isatty():  # rich takes FORCE_COLOR, which Jupyter sets, for a terminal
-        yield lambda by, note: None
+        yield lambda by, note="": None
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -208,23 +225,16 @@ def progress_bar(text: str, total: int) -> Iterator[Callable[[int, str], None]]:
         TextColumn("{task.fields[note]}", markup=False),
     )
     bar = Progress(*columns, console=stderr, transient=True)
-    with _alone(bar):
-        task = bar.add_task(_one_line(text), total=total, note="")
+    task = bar.add_task(_one_line(text), total=total, note="")
 
-        def advance(by: int, note: str) -> None:
-            if note:
-                bar.update(task, advance=by, note=_one_line(note))
-            else:
-                bar.advance(task, by)
+    def advance(by: int, note: str = "") -> None:
+        if note:
+            bar.update(task, advance=by, note=_one_line(note))
+        else:
+            bar.advance(task, by)
 
-        with _telling(lambda note: bar.update(task, note=_one_line(note), refresh=True)):
-            yield advance
-
-
-class Moved(Protocol):
-    """What moves a bar."""
-
-    def __call__(self, parts: int, note: str = "") -> None: ...
+    with _alone(bar, lambda note: bar.update(task, note=_one_line(note), refresh=True)):
+        yield advance
 
 
 @contextmanager
@@ -234,60 +244,40 @@ def one_bar() -> Iterator[Callable[[str, int], Moved]]:
 
         def begin(text: str, parts: int) -> Moved:
             bars.close()
-            advance = bars.enter_context(progress_bar(text, parts))
-            return lambda parts, note="": advance(parts, note)
+            return bars.enter_context(progress_bar(text, parts))
 
         yield begin
 
 
-class _Display(Protocol):
-    """What stands on a terminal until it is stopped."""
-
-    def start(self) -> None: ...
-
-    def stop(self) -> None: ...
-
-
-_DISPLAYS: list[_Display] = []
-"""What is shown on the terminal, or waits until what is shown within it is gone: the innermost last."""
+_SHOWN: list[tuple[Progress | Status, Callable[[str], None]]] = []
+"""What is shown on the terminal, or waits until what is shown within it is gone, and what says something beside it: the
+innermost last."""
 
 
 @contextmanager
-def _alone(display: _Display) -> Iterator[None]:
-    """Show ``display``, and nothing else meanwhile: a terminal has room for one."""
-    outer = _DISPLAYS[-1] if _DISPLAYS else None
-    if outer is not None:
-        outer.stop()
-    _DISPLAYS.append(display)
+def _alone(display: Progress | Status, note: Callable[[str], None]) -> Iterator[None]:
+    """Show ``display``, and nothing else meanwhile: a terminal has room for one.
+
+    ``note`` says what is added while it is shown: that kernels are compiled, or a stage in it.
+    """
+    outer, shown = _SHOWN[-1:], (display, note)
+
+    def compiling(begun: bool) -> None:
+        note(COMPILING_TEXT if begun else "")
+
+    for waiting, _ in outer:
+        waiting.stop()
+    _SHOWN.append(shown)
+    COMPILING.append(compiling)
     display.start()
     try:
         yield
     finally:
-        display.stop()
-        _DISPLAYS.remove(display)
-        if outer is not None and outer in _DISPLAYS:
-            outer.start()
-
-
-_NOTES: list[Callable[[str], None]] = []
-"""Who says something beside the bar or the stage that is shown: the innermost last."""
-
-
-@contextmanager
-def _telling(note: Callable[[str], None]) -> Iterator[None]:
-    """Let ``note`` say what a bar or a stage adds while it is shown: that kernels are compiled, or a stage in it."""
-    _NOTES.append(note)
-    compiling = partial(_compiling, note)
-    COMPILING.append(compiling)
-    try:
-        yield
-    finally:
         COMPILING.remove(compiling)
-        _NOTES.remove(note)
-
-
-def _compiling(note: Callable[[str], None], begun: bool) -> None:
-    note(COMPILING_TEXT if begun else "")
+        display.stop()
+        _SHOWN.remove(shown)
+        if outer and outer[0] in _SHOWN:
+            outer[0][0].start()
 
 
 @contextmanager
@@ -299,26 +289,23 @@ def stage(text: str) -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return
-    if _NOTES:
-        note = _NOTES[-1]
+    if _SHOWN:
+        note = _SHOWN[-1][1]
         note(text)
         try:
             yield
         finally:
             note("")
         return
-    from rich.live import Live
-    from rich.spinner import Spinner
+    from rich.status import Status
 
-    spinner = Spinner("dots", Text(harmless(text)))
-    live = Live(spinner, console=stderr, transient=True, refresh_per_second=10)
+    status = Status(Text(harmless(text)), console=stderr)
 
     def say(more: str) -> None:
-        spinner.update(text=Text(harmless(f"{text}: {more}" if more else text)))
-        live.refresh()
+        status.update(Text(harmless(f"{text}: {more}" if more else text)), spinner="dots")  # which shows it at once
 
-    with _alone(live), _telling(say):
-        live.refresh()
+    with _alone(status, say):
+        say("")
         yield
 
 
@@ -335,7 +322,7 @@ def backend_progress(backend: str, queries: int) -> Iterator[Callable[[int], Non
             yield lambda done: None
         return
     with progress_bar(f"running {backend}", queries) as advance:
-        yield lambda done: advance(done, "")
+        yield advance
 
 
 def encode_queries(
@@ -350,7 +337,7 @@ def encode_in_views(
 ) -> tuple[EncodedTraverse, ...]:
     """Read and encode a traverse, with a progress bar; ``keep`` is what is kept beside the activity."""
     with progress_bar(f"reading {traverse.source}", len(traverse)) as advance:
-        return encode_views(traverse, encoder, views, keep, lambda n: advance(n, ""), standard)
+        return encode_views(traverse, encoder, views, keep, advance, standard)
 
 
 def print_whole(table: Table | str) -> None:

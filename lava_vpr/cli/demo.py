@@ -91,12 +91,12 @@ def synth(
         world = World(seed=seed, places=places, spacing_m=metres)
         drives = [EventDrive(world, conditions[0]), EventDrive(world, conditions[1], query_speed)]
         with progress_bar("driving", sum(len(drive.way()[0]) for drive in drives)) as advance:
-            counts = write_drives(folder, drives, f".{end}", advance=lambda n: advance(n, ""))
+            counts = write_drives(folder, drives, f".{end}", advance=advance)
         for kind, count in zip(("reference", "query"), counts, strict=True):
             console.print(f"{count:,} events: {shown(folder / f'{kind}_events.{end}')}")
         return
     with progress_bar("drawing", 2 * places) as advance:
-        write_traverses(folder, places, seed, conditions, spacing_m=metres, drawn=lambda: advance(1, ""))
+        write_traverses(folder, places, seed, conditions, spacing_m=metres, drawn=lambda: advance(1))
     console.print(f"{places} places: {shown(folder / 'reference')}, {shown(folder / 'query')}")
 
 
@@ -112,7 +112,7 @@ def demo(out: Path) -> None:
     earlier = all(path.is_file() for path in results)
     kept = ("model.lvpr", "figures.json", "report") if earlier else ()
     with progress_bar("drawing", 200) as advance:
-        write_traverses(out, 100, 0, keep=kept, drawn=lambda: advance(1, ""))
+        write_traverses(out, 100, 0, keep=kept, drawn=lambda: advance(1))
     console.print(f"drew 100 places in summer and winter: {shown(out / 'reference')}, {shown(out / 'query')}")
     started = time.perf_counter()
     model, _ = Training((out / "reference",)).learn(Pool(cores()), TERMINAL)

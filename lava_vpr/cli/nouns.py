@@ -11,7 +11,7 @@ import click
 
 from lava_vpr.backends.asking import Asking, open_model
 from lava_vpr.backends.registry import BACKENDS
-from lava_vpr.cli.common import PATH, F, Number, RegisteredName, noun, seed_type, several
+from lava_vpr.cli.common import PATH, F, Number, Parsed, RegisteredName, noun, seed_type, several
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.datasets.selecting import Benchmark
@@ -24,20 +24,14 @@ _POSITIONS = "Positions, CSV or GPX: a row an image, or timed (default: from nam
 _STAMPS = "When they were taken: CSV, a row an image; or when a video begins (default: from names and frames)."
 
 
-class Places(click.ParamType):
-    """The option value ``A:B``: images A..B-1 of a naturally sorted sequence."""
-
-    name = "A:B"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
-        if isinstance(value, tuple):
-            return value
-        first, colon, end = str(value).partition(":")
-        if not (colon and all(part.isascii() and part.isdigit() and len(part) <= 18 for part in (first, end))):
-            self.fail(f"{value!r} is not of the form A:B, for instance 0:100", param, ctx)
-        if int(first) >= int(end):
-            self.fail(f"{value!r} holds no place; A must be below B", param, ctx)
-        return int(first), int(end)
+def place_range(text: str) -> tuple[int, int]:
+    """``A:B``, images A..B-1 of a naturally sorted sequence, as its numbers; `ValueError`: the text is none."""
+    first, colon, end = text.partition(":")
+    if not (colon and all(part.isascii() and part.isdigit() and len(part) <= 18 for part in (first, end))):
+        raise ValueError(f"{text!r} is not of the form A:B, for instance 0:100")
+    if int(first) >= int(end):
+        raise ValueError(f"{text!r} holds no place; A must be below B")
+    return int(first), int(end)
 
 
 class OneSource(click.Command):
@@ -57,7 +51,8 @@ class OneSource(click.Command):
 
 def places_option(help: str) -> Callable[[F], F]:
     """Give a command the option ``--places A:B``."""
-    return click.option("--places", type=Places(), default=None, help=help)
+    kind = Parsed("A:B", place_range, lambda ends: f"{ends[0]}:{ends[1]}")
+    return click.option("--places", type=kind, default=None, help=help)
 
 
 every_option = click.option(

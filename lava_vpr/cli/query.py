@@ -266,8 +266,8 @@ def query_progress(
         return
     if backend == "host":  # done with an image before the next is read
         with progress_bar(f"reading {source}", queries) as advance:
-            yield lambda done: advance(done, ""), lambda done: None
+            yield advance, lambda done: None
         return
     seen = itertools.count(1)
     with progress_bar(f"running {backend}", queries) as advance:
-        yield lambda done: advance(0, f"{next(seen)} read"), lambda done: advance(done, "")
+        yield lambda done: advance(0, f"{next(seen)} read"), advance

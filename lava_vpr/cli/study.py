@@ -8,7 +8,7 @@ from typing import Any
 import click
 import numpy as np
 
-from lava_vpr.cli.common import PATH, Numbers, RegisteredName, Values, encode_in_views, progress_bar
+from lava_vpr.cli.common import PATH, VALUES, RegisteredName, encode_in_views, progress_bar, whole_numbers
 from lava_vpr.cli.nouns import WrittenFiles, every_option, jobs_option, places_option, results_options
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
@@ -47,14 +47,14 @@ from lava_vpr.traverse import open_traverse, open_traverses
 )
 @click.option(
     "--seeds",
-    type=Numbers(least=0),
+    type=whole_numbers(0),
     default=(0, 1, 2),
     metavar="N,N,...",
     help="Seeds; each measures every point anew.  [default: 0,1,2]",
 )
 @click.option(
     "--values",
-    type=Values(),
+    type=VALUES,
     default=(),
     metavar="X,X,...",
     help="Points to measure in place of the study's own: numbers of places, of neurons a place, bits, steps, places of "

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from lava_vpr import model as model_file
-from lava_vpr.cli.common import PATH, Number, Numbers, RegisteredName, console, seed_type, setting_type, stderr
+from lava_vpr.cli.common import PATH, Number, RegisteredName, console, seed_type, setting_type, stderr, whole_numbers
 from lava_vpr.cli.nouns import dataset_options, every_option, jobs_option, places_option, reference_positions_options
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
@@ -76,7 +76,7 @@ from lava_vpr.training.trainers import LEARNING
 )
 @click.option(
     "--parts",
-    type=Numbers(),
+    type=whole_numbers(),
     default=(),
     help="Places of consecutive parts of the route, for instance 500,10: each is cut into stretches by itself, as if "
     "it had been learned alone and merged.",

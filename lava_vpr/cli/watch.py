@@ -7,33 +7,27 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import click
 
 from lava_vpr.backends.asking import Asking
-from lava_vpr.cli.common import PATH, counted, motion_option, precision_option, seed_type, stderr
+from lava_vpr.cli.common import PATH, Parsed, counted, motion_option, precision_option, seed_type, stderr
 from lava_vpr.cli.nouns import OneSource, asking_options, every_option
 from lava_vpr.cli.outputs import write_stdout
 from lava_vpr.errors import InputError
 from lava_vpr.localizer import Localizer
 from lava_vpr.readers import open_source
 from lava_vpr.storage.tables import json_line
-from lava_vpr.watch.page import PORT, live_page
-from lava_vpr.watch.watching import Recent
+from lava_vpr.watch.watching import PORT, Recent, live_page
 from lava_vpr.watch.watching import watch as watch_images
 
 
-class Port(click.ParamType):
-    """A port of this machine."""
-
-    name = "port"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        text = str(value)
-        if not (text.isascii() and text.isdigit() and len(text) <= 5 and int(text) < 1 << 16):
-            self.fail(f"{text!r} is no port (0 to 65535); put --page behind MODEL and SOURCE", param, ctx)
-        return int(text)
+def port_number(text: str) -> int:
+    """A port of this machine; `ValueError`: the text is none."""
+    if not (text.isascii() and text.isdigit() and len(text) <= 5 and int(text) < 1 << 16):
+        raise ValueError(f"{text!r} is no port (0 to 65535); put --page behind MODEL and SOURCE")
+    return int(text)
 
 
 @click.command(cls=OneSource)
@@ -53,7 +47,7 @@ class Port(click.ParamType):
 @click.option(
     "--page",
     "port",
-    type=Port(),
+    type=Parsed("port", port_number),
     is_flag=False,
     flag_value=str(PORT),
     default=None,

@@ -25,8 +25,7 @@ from lava_vpr.errors import InputError
 from lava_vpr.images.imagefiles import read_image
 from lava_vpr.model import Model
 from lava_vpr.readers import Frame
-from lava_vpr.watch.page import live_page, page
-from lava_vpr.watch.watching import HISTORY, Recent, Watched, raster, watch
+from lava_vpr.watch.watching import HISTORY, Recent, Watched, live_page, page, raster, watch
 
 NASTY = "</script><b>&\"'\u2028.png"
 

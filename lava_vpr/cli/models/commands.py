@@ -4,6 +4,7 @@ and ``import``.
 
 from __future__ import annotations
 
+import itertools
 import os
 import time
 from collections.abc import Iterator
@@ -17,8 +18,8 @@ import click
 from lava_vpr import maps
 from lava_vpr import model as model_file
 from lava_vpr.backends.asking import open_model
-from lava_vpr.cli.common import PATH, Number, RegisteredName, console, stage, stderr
-from lava_vpr.cli.nouns import Places, every_option, jobs_option, places_option, reference_positions_options
+from lava_vpr.cli.common import PATH, Number, Parsed, RegisteredName, console, stage, stderr
+from lava_vpr.cli.nouns import every_option, jobs_option, place_range, places_option, reference_positions_options
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.cli.train import describe, tell
@@ -28,7 +29,7 @@ from lava_vpr.errors import InputError, ModelFileError
 from lava_vpr.exchange.formats import FORMATS, TIME_STEP, FileOptions, format_of
 from lava_vpr.exchange.opening import imported
 from lava_vpr.learning.references import encode_references, located_each
-from lava_vpr.maps.parts import check_extension, check_learned
+from lava_vpr.maps.changes import check_extension, check_learned
 from lava_vpr.model import Model, integer_model
 from lava_vpr.positions.frames import Positions
 from lava_vpr.storage.text import shown
@@ -41,25 +42,17 @@ from lava_vpr.traverse import Traverse, open_traverses, ranges_of
 _OUTPUT = "File to write (default: MODEL, replaced in one step when the new one is complete)."
 
 
-class PlaceRanges(click.ParamType):
-    """Absolute indices and ranges of them, with commas between: ``120,130:140``."""
-
-    name = "PLACES"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[tuple[int, int], ...]:
-        if isinstance(value, tuple):
-            return value
-        ranges = []
-        for word in str(value).split(","):
-            if word.isascii() and word.isdigit() and len(word) <= 18:
-                ranges.append((int(word), int(word) + 1))
-            elif ":" in word:
-                ranges.append(Places().convert(word, param, ctx))
-            else:
-                self.fail(f"{word!r} is neither an index nor a range A:B; give for instance 120,130:140", param, ctx)
-        return tuple(ranges)
+def place_ranges(text: str) -> tuple[tuple[int, int], ...]:
+    """Absolute indices and ranges of them, with commas between: ``120,130:140``; `ValueError`: the text is none."""
+    ranges = []
+    for word in text.split(","):
+        if word.isascii() and word.isdigit() and len(word) <= 18:
+            ranges.append((int(word), int(word) + 1))
+        elif ":" in word:
+            ranges.append(place_range(word))
+        else:
+            raise ValueError(f"{word!r} is neither an index nor a range A:B; give for instance 120,130:140")
+    return tuple(ranges)
 
 
 @click.command()
@@ -111,7 +104,7 @@ def extend(
 
 @click.command()
 @click.argument("model_path", metavar="MODEL", type=PATH)
-@click.argument("places", metavar="PLACES", type=PlaceRanges())
+@click.argument("places", metavar="PLACES", type=Parsed("PLACES", place_ranges))
 @click.option("-o", "--output", type=PATH, default=None, metavar="MODEL", help=_OUTPUT)
 @jobs_option
 def remove(model_path: Path, places: tuple[tuple[int, int], ...], output: Path | None, jobs: int | None) -> None:
@@ -124,10 +117,9 @@ def remove(model_path: Path, places: tuple[tuple[int, int], ...], output: Path |
     target = model_path if output is None else output
     with _changed(model_path, target):
         model = model_file.load(model_path)
-        check_learned(model, "removing places", model_path)
-        indices = _indices(model, places, model_path)
+        indices = itertools.chain.from_iterable(itertools.starmap(range, places))
         with stage(f"joining what is left of {model.places:,} places"):
-            made = maps.remove(model, indices, pool=Pool(jobs or cores()))
+            made = maps.remove(model, indices, path=model_path, pool=Pool(jobs or cores()))
         _save(made, target)
     gone, lost = model.places - made.places, model.neurons - made.neurons
     _report(made, f"removed {gone} places with {lost} neurons", target)
@@ -215,24 +207,6 @@ def _refuse_bundle(path: Path) -> None:
             f"{shown(path)}: is a folder; a bundle does not hold what the network has learned: use the model file that "
             "it was deployed from"
         )
-
-
-def _indices(model: Model, ranges: tuple[tuple[int, int], ...], path: Path) -> list[int]:
-    """The absolute indices in ``ranges``, each seen to be a place of ``model``; a range may be larger than any memory.
-
-    Raises:
-        InputError: one is none.
-    """
-    found: set[int] = set()
-    for first, end in ranges:
-        own = set(model.place_indices[(model.place_indices >= first) & (model.place_indices < end)].tolist())
-        if len(own) < end - first:
-            missing = next(k for k in range(first, end) if k not in own)
-            raise InputError(
-                f"{shown(path)}: the model has no place {missing}; its places are {ranges_of(model.place_indices)}"
-            )
-        found |= own
-    return sorted(found)
 
 
 def _report(model: Model, done: str, path: Path) -> None:

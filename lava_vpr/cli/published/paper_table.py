@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from lava_vpr.cli.common import PATH, Numbers, progress_bar, seed_type, setting_type
+from lava_vpr.cli.common import PATH, Parsed, progress_bar, seed_type, setting_type, whole_numbers
 from lava_vpr.cli.nouns import jobs_option, json_option
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
@@ -40,55 +40,51 @@ class NamedPaths:
         return f"{self.name}={','.join(path.name for path in self.paths)}"
 
 
-class NamedPathsType(click.ParamType):
-    """The option value ``NAME=PATH,PATH..``.
+def named_paths(form: str, count: int = 0) -> Parsed:
+    """The type of an option value ``NAME=PATH,PATH..``.
 
     Args:
-        name: How usage shows it.
+        form: How usage shows it.
         count: How many paths; 0: any number from 1.
     """
 
-    def __init__(self, name: str, count: int = 0) -> None:
-        self.name = name
-        self._count = count
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> NamedPaths:
-        if isinstance(value, NamedPaths):
-            return value
-        name, equals, rest = str(value).partition("=")
-        paths = [rest] if self._count == 1 else rest.split(",")
+    def parse(text: str) -> NamedPaths:
+        name, equals, rest = text.partition("=")
+        paths = [rest] if count == 1 else rest.split(",")
         if not equals or not all(paths):
-            self.fail(f"{value!r} is not of the form {self.name}", param, ctx)
+            raise ValueError(f"{text!r} is not of the form {form}")
         if name not in DATASETS:
-            self.fail(f"there is no dataset {name!r}; choose from {', '.join(DATASETS.names())}", param, ctx)
-        if self._count and len(paths) != self._count:
-            self.fail(f"{value!r} names {len(paths)} files; it is of the form {self.name}", param, ctx)
+            raise ValueError(f"there is no dataset {name!r}; choose from {', '.join(DATASETS.names())}")
+        if count and len(paths) != count:
+            raise ValueError(f"{text!r} names {len(paths)} files; it is of the form {form}")
         return NamedPaths(name, tuple(map(Path, paths)))
+
+    return Parsed(form, parse)
 
 
 @click.command("paper-table")
 @click.option(
     "--dataset",
     "folders",
-    type=NamedPathsType("NAME=DIR", 1),
+    type=named_paths("NAME=DIR", 1),
     multiple=True,
     help="The folder that holds a dataset in its official layout (lava-vpr datasets NAME).",
 )
 @click.option(
     "--traverses",
-    type=NamedPathsType("NAME=REFERENCE,..,QUERY"),
+    type=named_paths("NAME=REFERENCE,..,QUERY"),
     multiple=True,
     help="Plain traverses (folders, lists) in place of a dataset, the query last; every image is a place.",
 )
 @click.option(
     "--positions",
-    type=NamedPathsType("NAME=REFERENCE.csv,..,QUERY.csv"),
+    type=named_paths("NAME=REFERENCE.csv,..,QUERY.csv"),
     multiple=True,
     help="Positions of each traverse of a dataset, the query's last, where the order of images tells nothing.",
 )
 @click.option(
     "--descriptors",
-    type=NamedPathsType("NAME=REF.npy,QUERY.npy", 2),
+    type=named_paths("NAME=REF.npy,QUERY.npy", 2),
     multiple=True,
     help="Descriptors of a dataset, made by NetVLAD: a row for each place, or for each image, traverse after traverse.",
 )
@@ -100,7 +96,7 @@ class NamedPathsType(click.ParamType):
 )
 @click.option(
     "--sections",
-    type=Numbers(),
+    type=whole_numbers(),
     default=(),
     metavar="K,K,...",
     help="Compute these sections alone, counted from 1 (default: all of the paper's).",

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from lava_vpr.cli.common import Numbers, Values, console, print_whole, stage
+from lava_vpr.cli.common import Parsed, console, print_whole, stage
 from lava_vpr.cli.outputs import write_json, write_text
 from lava_vpr.show.page import write_page
 from lava_vpr.show.table import Table
@@ -53,11 +53,9 @@ def command_line(ctx: click.Context) -> str:
         value = ctx.params.get(param.name or "")
         if value is None or value == () or value == param.default or param.name in SILENT:
             continue
+        if isinstance(param.type, Parsed) and not param.multiple:
+            value = param.type.written(value)
         values = value if isinstance(value, tuple) else (value,)
-        if param.name == "places":
-            values = (f"{values[0]}:{values[1]}",)
-        if isinstance(param.type, (Numbers, Values)):
-            values = (",".join(f"{number:g}" for number in values),)
         sources = ("query", "references", "stamps")
         shown = [Path(v).name if isinstance(v, Path) or param.name in sources else str(v) for v in values]
         if isinstance(param, click.Argument):

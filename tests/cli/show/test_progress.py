@@ -144,7 +144,7 @@ def test_a_bar_within_a_stage_takes_its_place(monkeypatch: pytest.MonkeyPatch) -
     with ExitStack() as later:
         with common.stage("first"):
             later.enter_context(common.progress_bar("longer", 1))
-    assert common._DISPLAYS == []
+    assert common._SHOWN == []
 
 
 def test_a_failure_leaves_no_stage_behind(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -153,8 +153,7 @@ def test_a_failure_leaves_no_stage_behind(monkeypatch: pytest.MonkeyPatch) -> No
         raise ValueError("broken")
     with pytest.raises(ValueError, match="broken"), common.progress_bar("bar", 1), common.stage("within"):
         raise ValueError("broken")
-    assert common._NOTES == []
-    assert common._DISPLAYS == []
+    assert common._SHOWN == []
     assert COMPILING == []
 
 
