@@ -44,18 +44,19 @@ def literal_answers(scores: NDArray[np.float64], truth: NDArray[np.bool_], n: in
 def literal_metrics(scores: NDArray[np.float64], confidence: NDArray[np.float64], truth: NDArray[np.bool_]) -> Any:
     correct = literal_answers(scores, truth, 1)
     sure = [c if any(row) else -math.inf for c, row in zip(confidence.tolist(), scores.tolist(), strict=True)]
-    points = [(0.0, 1.0)]
+    points, limits = [(0.0, 1.0)], [math.inf]
     for limit in sorted(set(sure), reverse=True):
         accepted = [right for right, c in zip(correct, sure, strict=True) if c >= limit]
         points.append((sum(accepted) / len(correct), sum(accepted) / len(accepted)))
+        limits.append(limit)
     auc = sum((b[0] - a[0]) * (a[1] + b[1]) / 2 for a, b in itertools.pairwise(points))
     return {
         "recall_at_1": sum(correct) / len(correct),
-        "recall_at_n": {str(n): sum(literal_answers(scores, truth, n)) / len(correct) for n in (5, 10)},
+        "recall_at_n": {str(n): sum(literal_answers(scores, truth, n)) / len(correct) for n in (1, 2, 5, 10)},
         "recall_at_100_precision": max(recall for recall, precision in points if precision == 1),
         "precision_at_100_recall": points[-1][1],
         "auc": auc,
-    }
+    }, (*zip(*points, strict=True), limits)
 
 
 def flat(metrics: dict[str, Any]) -> dict[str, float]:
@@ -65,60 +66,10 @@ def flat(metrics: dict[str, Any]) -> dict[str, float]:
 @given(case=cases())
 @quick
 def test_metrics_equal_the_literal_ones(case: Case) -> None:
-    assert flat(evaluate(*case).as_json()) == pytest.approx(flat(literal_metrics(*case)), abs=1e-12)
-
-
-@given(case=cases(), seed=st.integers(0, 100), pr=st.sampled_from(["exact", "vprsnn"]))
-@quick
-def test_the_order_of_the_queries_does_not_matter(case: Case, seed: int, pr: Any) -> None:
-    order = np.random.default_rng(seed).permutation(len(case[0]))
-    shuffled = evaluate(*(array[order] for array in case), pr=pr)
-    assert flat(shuffled.as_json()) == pytest.approx(flat(evaluate(*case, pr=pr).as_json()), abs=1e-12)
-
-
-@given(case=cases())
-@quick
-def test_figures_keep_their_order_and_range(case: Case) -> None:
-    metrics = evaluate(*case, n=(1, 2, 5, 10))
-    at = [metrics.recall_at_n[n] for n in (1, 2, 5, 10)]
-    assert at == sorted(at)
-    assert (
-        at[0] == metrics.recall_at_1 == metrics.precision_at_100_recall == metrics.recall[-1] == metrics.precision[-1]
-    )
-    assert 0 <= metrics.recall_at_100_precision <= metrics.recall_at_1 <= 1
-    assert 0 <= metrics.auc <= metrics.recall_at_1 + 1e-12
-    assert (np.diff(metrics.recall) >= 0).all()
-    assert (np.diff(metrics.threshold) < 0).all()
-    assert (metrics.recall[0], metrics.precision[0], metrics.threshold[0]) == (0, 1, math.inf)
-
-
-@given(case=cases())
-@quick
-def test_only_the_order_of_confidences_matters(case: Case) -> None:
-    scores, confidence, truth = case
-    assert evaluate(scores, np.exp(confidence) - 30, truth) == evaluate(scores, confidence, truth)
-
-
-def test_perfect_scores() -> None:
-    metrics = evaluate(np.eye(12), np.arange(12.0), np.eye(12, dtype=bool))
-    assert metrics.as_json() == {
-        "recall_at_1": 1.0,
-        "recall_at_n": {"5": 1.0, "10": 1.0},
-        "recall_at_100_precision": 1.0,
-        "precision_at_100_recall": 1.0,
-        "auc": 1.0,
-    }
-
-
-def test_random_scores_give_the_figures_of_chance() -> None:
-    rng = np.random.default_rng(0)
-    scores = rng.random((2000, 100))
-    metrics = evaluate(scores, scores.max(axis=1), truth_from_indices(rng.integers(0, 100, 2000), np.arange(100)))
-    assert metrics.recall_at_1 == pytest.approx(0.01, abs=0.007)
-    assert metrics.recall_at_n[5] == pytest.approx(0.05, abs=0.015)
-    assert metrics.recall_at_n[10] == pytest.approx(0.10, abs=0.02)
-    assert metrics.recall_at_100_precision < 0.002
-    assert metrics.auc < 0.003
+    found, (figures, curve) = evaluate(*case, n=(1, 2, 5, 10)), literal_metrics(*case)
+    assert flat(found.as_json()) == pytest.approx(flat(figures), abs=1e-12)
+    for points, expected in zip((found.recall, found.precision, found.threshold), curve, strict=True):
+        np.testing.assert_allclose(points, expected, atol=1e-12)
 
 
 def test_a_rejected_query_is_not_recalled() -> None:
@@ -130,15 +81,6 @@ def test_a_rejected_query_is_not_recalled() -> None:
     assert metrics.threshold.tolist() == [math.inf, 4, 3, 2, 1]
     assert metrics.recall_at_100_precision == 0.25
     assert metrics.auc == pytest.approx(0.25 + 0.25 * (1 / 2 + 2 / 3) / 2 + 0.25 * (2 / 3 + 3 / 4) / 2)
-
-
-def test_equal_confidences_form_one_point() -> None:
-    scores, truth = np.array([[2.0, 1.0], [2.0, 1.0]]), np.array([[True, False], [False, True]])
-    metrics = evaluate(scores, np.array([1.0, 1.0]), truth)
-    assert metrics.recall.tolist() == [0, 0.5]
-    assert metrics.precision.tolist() == [1, 0.5]
-    assert metrics.recall_at_100_precision == 0
-    assert metrics.auc == 0.375
 
 
 def test_a_silent_query_is_never_recalled_and_ranks_last() -> None:

@@ -76,13 +76,6 @@ def test_the_filter_is_the_markov_model(motion: str, seed: int, n: int) -> None:
     np.testing.assert_allclose(found, np.array(both[::-1]), rtol=1e-9)
 
 
-def test_the_filter_does_not_look_ahead() -> None:
-    scores = drawn(7)
-    start, moving = ForwardFilter(Belief.unknown(scores.shape[1])), np.ones(len(scores), bool)
-    (_, whole), (_, part) = filtered(start, scores, moving), filtered(start, scores[:5], moving[:5])
-    assert np.array_equal(whole.places[:5], part.places)
-
-
 def world(seed: int, place: NDArray[np.int64]) -> NDArray[np.float64]:
     """Scores of queries at these places (-1: off the map), two in ten of which look like another place."""
     rng = np.random.default_rng(seed)

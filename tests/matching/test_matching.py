@@ -58,15 +58,24 @@ def test_sequences_equal_the_loops(case: tuple[NDArray[np.float64], int]) -> Non
             assert matrix[q - shift, r - shift] == pytest.approx(value, abs=1e-12)
 
 
-@given(case=scores_and_length())
-@settings(deadline=None, max_examples=40, derandomize=True)
-def test_answers_look_back(case: tuple[NDArray[np.float64], int]) -> None:
+def cut(scores: NDArray[np.float64], ends: list[int]) -> list[NDArray[np.float64]]:
+    """Consecutive parts of all rows, some of them empty."""
+    return np.split(scores, sorted(end % (len(scores) + 1) for end in ends))
+
+
+@given(case=scores_and_length(), ends=st.lists(st.integers(0, 9), max_size=9))
+@settings(deadline=None, max_examples=80, derandomize=True)
+def test_answers_look_back_however_queries_come(case: tuple[NDArray[np.float64], int], ends: list[int]) -> None:
     scores, length = case
-    _, answers = Answerer.of("sad", scores.shape[1], Together(length)).step(scores)
+    state, parts = Answerer.of("sad", scores.shape[1], Together(length)), list[Answers]()
+    for part in cut(scores, ends):
+        state, found = state.step(part)
+        assert len(found.matches) == len(found.confidence) == len(part)
+        parts.append(found)
+    answers = [np.concatenate([part[field] for part in parts]) for field in range(3)]
     windows = literal(scores, length, causal=True) if length > 1 else dict(np.ndenumerate(scores))
-    assert len(answers.matches) == len(answers.confidence) == len(scores)
-    assert np.isnan(answers.probability).all()
-    for query, (match, confidence, _) in enumerate(zip(*answers[:3], strict=True)):
+    assert np.isnan(answers[2]).all()
+    for query, (match, confidence, _) in enumerate(zip(*answers, strict=True)):
         places = {r: value for (q, r), value in windows.items() if q == query}
         if not any(places.values()):  # no window ends here, or it holds no score
             assert (match, confidence) == (-1, -np.inf)
@@ -74,11 +83,6 @@ def test_answers_look_back(case: tuple[NDArray[np.float64], int]) -> None:
         assert places[int(match)] == pytest.approx(max(places.values()), abs=1e-12)
         first, second = [*sorted(places.values(), reverse=True), 0.0][:2]
         assert confidence == pytest.approx(first - second if length > 1 else first, abs=1e-12)
-
-
-def cut(scores: NDArray[np.float64], ends: list[int]) -> list[NDArray[np.float64]]:
-    """Consecutive parts of all rows, some of them empty."""
-    return np.split(scores, sorted(end % (len(scores) + 1) for end in ends))
 
 
 @given(case=scores_and_length(), ends=st.lists(st.integers(0, 9), max_size=9))
@@ -96,32 +100,6 @@ def test_a_stream_gives_the_bits_of_the_batch(case: tuple[NDArray[np.float64], i
             assert matcher.rows.base is None  # nothing older is held by it
             answers.append(answer)
         np.testing.assert_array_equal(np.concatenate(answers), sequence_scores(scores, length))
-
-
-@given(case=scores_and_length(), ends=st.lists(st.integers(0, 9), max_size=9))
-@settings(deadline=None, max_examples=80, derandomize=True)
-def test_answers_do_not_depend_on_how_queries_come(case: tuple[NDArray[np.float64], int], ends: list[int]) -> None:
-    """All scores at once, written out plainly, against any parts of them."""
-    scores, length = case
-    first = length - 1
-    if length > 1:
-        windows = answers_of("sequence", sequence_scores(scores, length))
-        known = windows.matches >= 0
-        whole = Answers(
-            np.concatenate([np.full(first, -1), np.where(known, windows.matches + first, -1)]),
-            np.concatenate([np.full(first, -np.inf), windows.confidence]),
-            np.full(len(scores), np.nan),
-        )
-    else:
-        whole = answers_of("sad", scores)
-    for parts in (cut(scores, ends), list(scores[:, None])):
-        state, answers = Answerer.of("sad", scores.shape[1], Together(length)), []
-        for part in parts:
-            state, answer = state.step(part)
-            assert len(answer.matches) == len(answer.confidence) == len(part)
-            answers.append(answer)
-        for field in range(3):
-            np.testing.assert_array_equal(np.concatenate([answer[field] for answer in answers]), whole[field])
 
 
 def test_a_stream_is_not_changed_by_what_follows() -> None:
@@ -154,18 +132,6 @@ def test_the_input_is_left_as_it_was() -> None:
     for normalise in (True, False):
         sequence_scores(scores, 2, normalise=normalise)
     np.testing.assert_array_equal(scores, before)
-
-
-def test_scores_can_be_taken_as_they_are() -> None:
-    scores = np.array([[1.0, 2.0], [3.0, 4.0]])
-    assert sequence_scores(scores, 2, normalise=False).tolist() == [[5.0]]
-
-
-def test_a_sequence_finds_the_place_that_single_images_miss() -> None:
-    scores = np.eye(6) + 0.1
-    scores[3] = [0.1, 2.0, 0.1, 1.0, 0.1, 0.1]
-    assert scores.argmax(axis=1).tolist() == [0, 1, 2, 1, 4, 5]
-    assert sequence_scores(scores, 3).argmax(axis=1).tolist() == [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize("tolerance", [0, 1, 3])
