@@ -31,17 +31,21 @@ class PageTable:
         conditions: What the figures depend on.
         columns: Headings, in Markdown.
         rows: Cells, in Markdown.
+        table: Which of the tables that a command of lava-vpr prints it is, from 0.
     """
 
     command: str
     conditions: str
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
+    table: int = 0
 
     def text(self) -> str:
         """The file's text, a line for each row."""
-        head = {"command": self.command, "conditions": self.conditions, "columns": self.columns}
-        lines = [f" {json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}," for key, value in head.items()]
+        head = {"command": self.command, "conditions": self.conditions, "table": self.table, "columns": self.columns}
+        lines = [
+            f" {json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}," for key, value in head.items() if value != 0
+        ]
         rows = ",\n".join(f"  {json.dumps(row, ensure_ascii=False)}" for row in self.rows)
         return "\n".join(["{", *lines, ' "rows": [', rows, " ]", "}", ""])
 
@@ -55,15 +59,12 @@ def read(name: str) -> PageTable:
     """A record.
 
     Raises:
-        InputError: there is none of that name, or a row has not as many cells as there are columns.
+        InputError: there is none of that name.
     """
     path = FOLDER / f"{name}.json"
     if not path.exists():
         raise InputError(f"{path}: there is no such record; there are {', '.join(names())}")
-    figures = PageTable(**json.loads(path.read_text(encoding="utf-8")))
-    if any(len(row) != len(figures.columns) for row in figures.rows):
-        raise InputError(f"{path}: a row has not {len(figures.columns)} cells, as there are columns; give it as many")
-    return figures
+    return PageTable(**json.loads(path.read_text(encoding="utf-8")))
 
 
 def write(name: str, figures: PageTable) -> None:
@@ -85,8 +86,16 @@ def parsed(text: str) -> tuple[list[str], list[list[str]]]:
 
 
 def section(name: str) -> str:
-    """The table of a record, for a page."""
+    """The table of a record, for a page.
+
+    Raises:
+        InputError: as `read`, or a row has not as many cells as there are columns.
+    """
     figures = read(name)
+    if any(len(row) != len(figures.columns) for row in figures.rows):
+        raise InputError(
+            f"{name}.json: a row has not {len(figures.columns)} cells, as there are columns; give it as many"
+        )
     return markdown(figures.columns, figures.rows)
 
 

@@ -17,7 +17,7 @@ from rich.console import Console
 
 from benchmarks import figures
 from benchmarks.places import required
-from lava_vpr.errors import LavaVprError
+from lava_vpr.errors import InputError, LavaVprError
 from lava_vpr.experiments.search import Settings, Trial
 from lava_vpr.matching.evaluation import Metrics, Recall
 from lava_vpr.show.table import Table
@@ -85,10 +85,18 @@ def verdict(failed: Sequence[str], well: str) -> Printed:
 
 
 def taken(made: BenchmarkTable, before: figures.PageTable) -> figures.PageTable:
-    """A record with the cells of today; what has not changed keeps its emphasis."""
+    """A record with the cells of today, of the columns that it has; what has not changed keeps its emphasis.
+
+    Raises:
+        InputError: the table lacks a column of the record.
+    """
+    if lost := set(before.columns) - set(made.columns):
+        raise InputError(f"{made.record}.json: the table has no column {min(lost)!r}; correct the record's columns")
     old = {(k, c, plain(cell)): cell for k, row in enumerate(before.rows) for c, cell in enumerate(row)}
-    rows = [[old.get((k, c, cell), cell) for c, cell in enumerate(row)] for k, row in enumerate(made.rows)]
-    return replace(before, columns=made.columns, rows=rows)
+    chosen = [c for c, name in enumerate(made.columns) if name in before.columns]
+    cells = ([row[c] for c in chosen] for row in made.rows)
+    rows = [[old.get((k, c, cell), cell) for c, cell in enumerate(row)] for k, row in enumerate(cells)]
+    return replace(before, columns=[made.columns[c] for c in chosen], rows=rows)
 
 
 def plain(cell: str) -> str:

@@ -16,7 +16,7 @@ import click
 import numpy as np
 
 from benchmarks.places import SECTIONS, answer, encoded, folder, learn
-from benchmarks.program import Printed, program, turns
+from benchmarks.program import BenchmarkTable, Printed, program, turns
 from lava_vpr.backends.interface import HostBackend
 from lava_vpr.bench.measure import alone
 from lava_vpr.bench.measure.timing import each_image, measure_encoding
@@ -88,5 +88,7 @@ def main(rounds: int) -> Printed:
         boards.append(way)
     ways = [AnsweringWay("host", found[name][name], ms[f"{name}, host"], ms["encoding"]) for name in every]
     ways += [AnsweringWay(name, found[INTEGER[0]][name], ms[name], ms[before]) for name, before in BEFORE.items()]
-    yield energy(boards, [f"{name}, Kapoho Bay" for name in every])
-    yield energy(ways, [*(f"{name}, no board" for name in every), "cosine", "HOG", "SAD"])
+    titles = [f"{name}, {where}" for where in ("Kapoho Bay", "no board") for name in every]
+    table = energy([*boards, *ways], [*titles, "cosine", "HOG", "SAD"])
+    columns, *rows = zip(table.columns, *table.rows, strict=True)
+    yield BenchmarkTable(columns, rows, title=table.title, record="energy")

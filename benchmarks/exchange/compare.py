@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from benchmarks.elsewhere import python_of, run_elsewhere
 from benchmarks.exchange.literal import spikes_of
 from benchmarks.places import encoded, learn
-from benchmarks.program import Printed, program, verdict
+from benchmarks.program import BenchmarkTable, Printed, program, verdict
 from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.config import preset
 from lava_vpr.errors import BackendUnavailableError
@@ -32,7 +32,6 @@ from lava_vpr.exchange.formats import TIME_STEP
 from lava_vpr.exchange.nir_writing import graph_of
 from lava_vpr.loihi import DECAY_UNITY
 from lava_vpr.model import IntegerModel, Model, decode, integer_model
-from lava_vpr.show.table import Table
 
 PYTHON = python_of("torch")
 WORKER = Path(__file__).with_name("in_snntorch.py")
@@ -173,7 +172,8 @@ def main(queries: int) -> Printed:
     columns = ("network", "host spikes", "snnTorch", "queries equal", "counts apart", "by at most", "R@1")
     columns += ("float32 = snnTorch", "truncated = host", "own import equal")
     title = "exported NIR graphs in snnTorch beside the host engine"
-    yield Table(columns, [row(*result) for result in results], [NOTE], title)
+    rows = [row(*result) for result in results]
+    yield BenchmarkTable(columns, rows, [NOTE], title, record="snntorch")
     found = [line for result in results for line in failures(*result)]
     yield from verdict(found, "every difference is attributed")
 

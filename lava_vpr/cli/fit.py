@@ -67,7 +67,7 @@ def fit(
     views: int | None,
     picture: Path | None,
     json_path: Path | None,
-) -> None:
+) -> list[Table]:
     """Say whether MODEL fits a board, and what each core holds; without MODEL, the largest map that fits."""
     without = "is for fit without MODEL; a model has its neurons"
     for wrong, why in (
@@ -85,11 +85,11 @@ def fit(
     board = BOARDS[target]
     check_dense_rows(board, dense_rows)
     if model is None:
-        _largest(board, weight_bits, input_mode, neurons_per_place, views or 1, json_path)
-    else:
-        from lava_vpr.deploy.compression.compression import Changes
+        return _largest(board, weight_bits, input_mode, neurons_per_place, views or 1, json_path)
+    from lava_vpr.deploy.compression.compression import Changes
 
-        _model(board, model, Changes(weight_bits=weight_bits, input_mode=input_mode), dense_rows, picture, json_path)
+    changes = Changes(weight_bits=weight_bits, input_mode=input_mode)
+    return _model(board, model, changes, dense_rows, picture, json_path)
 
 
 def _model(
@@ -99,7 +99,7 @@ def _model(
     dense_rows: bool,
     picture: Path | None,
     json_path: Path | None,
-) -> None:
+) -> list[Table]:
     """What each core of the board holds of a model."""
     from lava_vpr.deploy.bundle.deployment import mapping, modelled, plan_of, unproven
     from lava_vpr.deploy.compression.compression import adapted
@@ -128,7 +128,7 @@ def _model(
 
         files[picture] = draw(plan).decode()
         said.append(f"picture: {shown(picture)}")
-    show_results(said, files)
+    return show_results(said, files)
 
 
 def _largest(
@@ -138,7 +138,7 @@ def _largest(
     neurons_per_place: float | None,
     views: int,
     json_path: Path | None,
-) -> None:
+) -> list[Table]:
     """The largest maps that fit the board."""
     from lava_vpr.deploy.mapping import largest_map
 
@@ -150,7 +150,7 @@ def _largest(
     with progress_bar("looking for the largest maps", largest_map.searches(config, board, weight_bits)) as advance:
         rows = find(config, board, lambda found: advance(1, found))
     values = [asdict(row) | {"proven": row.proven, "at_most": not board.memory.public} for row in rows]
-    show_results(
+    return show_results(
         [_capacities(board, rows, views)], {json_path: {"target": board.name, "views": views, "largest": values}}
     )
 

@@ -22,6 +22,7 @@ from lava_vpr.inputs.views import STRAIGHT
 from lava_vpr.learning.references import encode_route
 from lava_vpr.learning.route import settings_of
 from lava_vpr.matching.evaluation import truth_from_indices
+from lava_vpr.show.table import Table
 from lava_vpr.storage.text import shown
 from lava_vpr.studies.registry import STUDIES
 from lava_vpr.studies.show.values import as_json, table
@@ -76,7 +77,7 @@ def study(
     address: str | None,
     results: WrittenFiles,
     **images: Any,
-) -> None:
+) -> list[Table]:
     """Say what one thing does to recall and cost: learn and ask the same images again and again, with several seeds.
 
     STUDY is one of: places, neurons, weighting (the steps of the paper's weighted decoder), bits, steps, seeds (noise),
@@ -90,7 +91,7 @@ def study(
     row, said = STUDIES[name], StudyRequest(*_route(references, query, config, outputs, **images), seeds, values)
     with pool_at(address, jobs) as pool, progress_bar(f"study {name}", len(planned(row, said))) as advance:
         found = run(row, said, pool=pool, command=command_line(ctx), advance=advance)
-    show_results([table(found)], {results.json_path: as_json(found)}, page, lambda: _page(found))
+    return show_results([table(found)], {results.json_path: as_json(found)}, page, lambda: _page(found))
 
 
 def _page(found: Studied) -> str:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import click
 import pytest
 
 from benchmarks import figures
 from benchmarks.figures import PageTable
+from lava_vpr.cli import main
 from lava_vpr.config import LifNetwork, preset
 from lava_vpr.errors import InputError
 from scripts import pages, parts
@@ -67,11 +69,20 @@ def test_a_record_is_read_as_it_was_written(tmp_path: Path, monkeypatch: pytest.
         figures.section("short")
 
 
-def test_every_record_names_its_command_and_conditions() -> None:
+def test_every_record_is_written_by_the_command_that_it_names() -> None:
+    """A benchmark that names the record, a command of lava-vpr that hands on its tables, or Markdown from elsewhere."""
     for name in figures.names():
         record = figures.read(name)
-        assert record.command, name
         assert record.conditions, name
+        if benchmark := re.search(r"python -m benchmarks ([\w.]+)", record.command):
+            source = pages.ROOT / "benchmarks" / f"{benchmark[1].replace('.', '/')}.py"
+            assert f'"{name}"' in source.read_text(encoding="utf-8"), name
+        elif record.command.startswith("lava-vpr "):
+            command = main.get_command(click.Context(main), record.command.split()[1])
+            assert command is not None
+            assert command.callback.__annotations__["return"] == "list[Table]", name
+        else:
+            assert record.command.endswith(f" | python -m benchmarks.figures {name}"), name
 
 
 def test_presets_are_alike_in_what_the_page_does_not_name() -> None:

@@ -21,6 +21,7 @@ from lava_vpr.paper_table.methods import NETWORKS
 from lava_vpr.paper_table.run import PaperRequest, PaperTable, compute
 from lava_vpr.paper_table.show.tables import RULES, as_csv, as_json, markdown, tables
 from lava_vpr.paper_table.sources import Source, official, stand_in
+from lava_vpr.show.table import Table
 from lava_vpr.storage.text import shown
 
 
@@ -123,7 +124,7 @@ def paper_table(
     markdown_path: Path | None,
     report_folder: Path | None,
     **given: Any,
-) -> None:
+) -> list[Table]:
     """Compute the paper's table anew, beside the numbers that it prints.
 
     VPRSNN's network with the paper's four decoders, SAD, NetVLAD where its descriptors are given, and this package's
@@ -144,7 +145,7 @@ def paper_table(
                 click.echo(text, err=True)
             raise
     files: Files = {json_path: as_json(table), csv_path: as_csv(table), markdown_path: markdown(table)}
-    show_results([*tables(table), RULES], files, page, lambda: _page(table))
+    return show_results([*tables(table), RULES], files, page, lambda: _page(table))
 
 
 def _page(table: PaperTable) -> str:

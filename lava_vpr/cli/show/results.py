@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +20,9 @@ Files = Mapping[Path | None, str | dict[str, Any]]
 
 
 def show_results(
-    said: Iterable[Table | str], files: Files, page: Path | None = None, page_of: Callable[[], str] = str
-) -> None:
-    """Write the files, then print what is said: whoever reads it may go away.
+    said: Sequence[Table | str], files: Files, page: Path | None = None, page_of: Callable[[], str] = str
+) -> list[Table]:
+    """Write the files, then print what is said, since whoever reads it may go away; the tables of it.
 
     Args:
         said: Tables and lines, for the terminal.
@@ -40,6 +40,7 @@ def show_results(
         print_whole(item)
     if page is not None:
         console.print(f"report: {shown(page)}")
+    return [item for item in said if isinstance(item, Table)]
 
 
 SILENT = ("json_path", "csv_path", "report_folder", "jobs", "address", "keep")

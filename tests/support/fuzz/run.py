@@ -48,6 +48,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import LavaVprError
 from lava_vpr.model import Model, content, load, save
 from lava_vpr.positions.track import read_gpx, read_table
+from lava_vpr.show.table import Table
 from lava_vpr.storage import container
 from lava_vpr.storage.limits import LIMITS, variable
 from lava_vpr.training.checkpoint import Checkpoint
@@ -360,10 +361,15 @@ def main(words: list[str] | None = None) -> int:
             if kind not in (REFUSED, SOUND) and asked.show:
                 asked.show -= 1
                 print(f"{kind}: seed {asked.seed}, number {number}, {case}\n    {told.strip()}", flush=True)
-    kinds = [REFUSED, SOUND, *sorted({kind for _, kind in counts} - {REFUSED, SOUND})]
-    for row in (["format", *kinds], *([f, *(str(counts[f, kind]) for kind in kinds)] for f in SHARES)):
-        print("| " + " | ".join(row) + " |")
-    return int(any(kind not in (REFUSED, SOUND) for _, kind in counts))
+    rows = []
+    for name in SHARES:
+        refused, sound = counts[name, REFUSED], counts[name, SOUND]
+        every = sum(count for (of, _), count in counts.items() if of == name)
+        rows.append((refused, sound, every - refused - sound, every))
+    rows.append(tuple(map(sum, zip(*rows, strict=True))))
+    cells = [[name, *map(str, row)] for name, row in zip([*SHARES, "all"], rows, strict=True)]
+    print(Table(["format", REFUSED, SOUND, "failures", "all"], cells).markdown())
+    return int(rows[-1][2] > 0)
 
 
 if __name__ == "__main__":
