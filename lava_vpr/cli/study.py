@@ -26,7 +26,7 @@ from lava_vpr.show.table import Table
 from lava_vpr.storage.text import shown
 from lava_vpr.studies.registry import STUDIES
 from lava_vpr.studies.show.values import as_json, table
-from lava_vpr.studies.study import Studied, StudyRequest, planned, run
+from lava_vpr.studies.study import StudyRequest, planned, study_rows
 from lava_vpr.training.preparing import check_references
 from lava_vpr.traverse import open_traverse, open_traverses
 
@@ -88,17 +88,16 @@ def study(
         raise click.UsageError("--seeds names a seed twice; give each once")
     outputs, page = results.outputs("study.html", read=(config_file,), images=(*references, query))
     config = settings_of(images.pop("preset_name"), config_file, {})
-    row, said = STUDIES[name], StudyRequest(*_route(references, query, config, outputs, **images), seeds, values)
-    with pool_at(address, jobs) as pool, progress_bar(f"study {name}", len(planned(row, said))) as advance:
-        found = run(row, said, pool=pool, command=command_line(ctx), advance=advance)
-    return show_results([table(found)], {results.json_path: as_json(found)}, page, lambda: _page(found))
+    asked = StudyRequest(STUDIES[name], *_route(references, query, config, outputs, **images), seeds, values)
+    with pool_at(address, jobs) as pool, progress_bar(f"study {name}", len(planned(asked))) as advance:
+        rows = study_rows(asked, pool=pool, advance=advance)
 
+    def drawn() -> str:
+        from lava_vpr.studies.show.page import page  # matplotlib takes a second to import
 
-def _page(found: Studied) -> str:
-    """The page of a study; it takes matplotlib a second to be imported."""
-    from lava_vpr.studies.show.page import page
+        return page(asked, rows, command_line(ctx))
 
-    return page(found)
+    return show_results([table(asked, rows)], {results.json_path: as_json(asked, rows)}, page, drawn)
 
 
 def _route(

@@ -10,8 +10,7 @@ from pathlib import Path
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.datasets.layouts import DATASETS, Dataset
 from lava_vpr.errors import InputError
-from lava_vpr.experiments import grid
-from lava_vpr.experiments.grid import Advance, Outcome, Spread, ignored, rows
+from lava_vpr.experiments.grid import Advance, Outcome, Spread, compute, ignored, rows
 from lava_vpr.paper_table.methods import DESCRIPTORS, METHODS, NETWORKS, Method, printed
 from lava_vpr.paper_table.sections import SectionTask, kept_in, measure, read
 from lava_vpr.paper_table.sources import Source, tasks
@@ -105,43 +104,26 @@ class DatasetRows:
     rows: tuple[MethodRow, ...]
 
 
-@dataclass(frozen=True)
-class PaperTable:
-    """The table.
-
-    Attributes:
-        parts: A part for each dataset of the paper.
-        wanted: What it was computed from.
-        command: How to repeat it.
-    """
-
-    parts: tuple[DatasetRows, ...]
-    wanted: PaperRequest
-    command: str
-
-
-def compute(
+def paper_table(
     wanted: PaperRequest,
     keep: Path | None = None,
     *,
     pool: Pool = ONE_THREAD,
     kept_only: bool = False,
-    command: str = "",
     advance: Advance = ignored,
-) -> PaperTable:
-    """Compute the table, or what is not kept of it.
+) -> tuple[DatasetRows, ...]:
+    """Compute the table, or what is not kept of it: a part for each dataset of the paper.
 
     Args:
         wanted: What it is computed from.
         keep: The folder of the figures of finished sections; None: they are not kept.
         pool: Who measures, a thread one section at a time; a cluster's are read here. It changes no figure.
         kept_only: Compute nothing: take what is kept.
-        command: How to repeat it.
         advance: Told of every section that is done.
     Raises:
         LavaVprError: images or descriptors that cannot be used, or figures that cannot be kept.
     """
-    found = grid.compute(
+    found = compute(
         measure,
         wanted.tasks(),
         cache=None if keep is None else kept_in(keep),
@@ -154,8 +136,7 @@ def compute(
     )
     by_dataset = rows(Outcome(task.dataset, None, task.section, figures) for task, figures in found.items())
     figures = {row.label: row.figures for row in by_dataset}
-    parts = tuple(_part(row, wanted, figures.get(row.name, {})) for row in DATASETS.values())
-    return PaperTable(parts, wanted, command)
+    return tuple(_part(row, wanted, figures.get(row.name, {})) for row in DATASETS.values())
 
 
 def _part(dataset: Dataset, wanted: PaperRequest, figures: Mapping[str, Mapping[str, Spread]]) -> DatasetRows:

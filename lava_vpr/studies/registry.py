@@ -65,7 +65,7 @@ def neuron_points(asked: StudyRequest, config: Config) -> list[list[Point]]:
     """A model for each number of neurons a place."""
     return [
         [Point(f"{value:g}", update(config, {"network": {"neurons": 0, "neurons_per_place": float(value)}}), value)]
-        for value in asked.values or STUDIES["neurons"].values
+        for value in asked.values or asked.study.values
     ]
 
 
@@ -77,10 +77,10 @@ def measure_learned(route: Route, task: StudyTask) -> list[Outcome]:
     return [point.outcome(task.seed, {**measure(model, route, whole=task.first), FACTS: facts})]
 
 
-def requantised_points(key: str, study: str, asked: StudyRequest, config: Config) -> list[list[Point]]:
+def requantised_points(key: str, asked: StudyRequest, config: Config) -> list[list[Point]]:
     """One learned model, quantised anew with every value of the setting ``network.key``."""
-    config = integer_config(config, f"the study {study}")
-    values = asked.values or STUDIES[study].values
+    config = integer_config(config, f"the study {asked.study.name}")
+    values = asked.values or asked.study.values
     return [[Point("", config), *(Point(f"{v:g}", update(config, {"network": {key: int(v)}}), v) for v in values)]]
 
 
@@ -190,7 +190,7 @@ for _study in (
         title="Bits of a weight",
         varied="bits",
         values=(1, 2, 3, 4, 5, 6, 7),
-        points=partial(requantised_points, "weight_bits", "bits"),
+        points=partial(requantised_points, "weight_bits"),
         measure=measure_requantised,
         costed=True,
         note="One learned model for each seed, quantised anew; a sign takes a bit more. All else is as the settings "
@@ -201,7 +201,7 @@ for _study in (
         title="Steps of a query",
         varied="steps",
         values=(8, 16, 32, 64, 128, 256),
-        points=partial(requantised_points, "steps", "steps"),
+        points=partial(requantised_points, "steps"),
         measure=measure_requantised,
         costed=True,
         note="One learned model for each seed, asked in queries of so many steps, the silent ones included. All else "

@@ -129,7 +129,7 @@ def _scored(
 def hyperactive_points(asked: StudyRequest, config: Config) -> list[list[Point]]:
     """For each number of places of a module, networks apart and one network."""
     points = []
-    for value in asked.values or HYPERACTIVE.values:
+    for value in asked.values or asked.study.values:
         size = int(value)
         if not 2 <= size < asked.route.places:
             raise ConfigError(
@@ -164,7 +164,7 @@ def measure_hyperactive(route: Route, task: StudyTask) -> list[Outcome]:
 
 def ensemble_points(asked: StudyRequest, config: Config) -> list[list[Point]]:
     """One task, in which each member is learned once for all sizes."""
-    sizes = [int(value) for value in asked.values or ENSEMBLE.values]
+    sizes = [int(value) for value in asked.values or asked.study.values]
     if min(sizes) < 1:
         raise ConfigError(f"an ensemble of {min(sizes)} members; choose --values of at least 1")
     config = integer_config(config, "the study ensemble")

@@ -50,23 +50,6 @@ class StudyTask(NamedTuple):
 
 
 @dataclass(frozen=True)
-class StudyRequest:
-    """What a study is asked.
-
-    Attributes:
-        route: The places.
-        config: Settings; the seed is replaced.
-        seeds: Seeds, each once.
-        values: Points of the study; empty: those of its row.
-    """
-
-    route: Route = field(repr=False)
-    config: Config = field(repr=False)
-    seeds: tuple[int, ...]
-    values: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
 class Study:
     """A study as users choose it.
 
@@ -96,61 +79,55 @@ class Study:
 
 
 @dataclass(frozen=True)
-class Studied:
-    """What a study found.
+class StudyRequest:
+    """What a study is to find.
 
     Attributes:
         study: The study.
-        asked: What it was asked.
-        rows: The points in order.
-        command: How to repeat it.
+        route: The places.
+        config: Settings; the seed is replaced.
+        seeds: Seeds, each once.
+        values: Points of the study; empty: those of its row.
     """
 
     study: Study
-    asked: StudyRequest
-    rows: tuple[Row, ...]
-    command: str = ""
+    route: Route = field(repr=False)
+    config: Config = field(repr=False)
+    seeds: tuple[int, ...]
+    values: tuple[float, ...] = ()
 
 
-def measured(shared: tuple[Route, Callable[[Route, StudyTask], list[Outcome]]], task: StudyTask) -> list[Outcome]:
+def measure_task(shared: tuple[Route, Callable[[Route, StudyTask], list[Outcome]]], task: StudyTask) -> list[Outcome]:
     """The outcomes of a task, wherever it is run; ``shared`` are the whole route and the study's own function."""
     route, measure = shared
     section = task.points[0].section
     return measure(route if section is None else route.section(*section), task)
 
 
-def run(
-    study: Study,
-    asked: StudyRequest,
-    *,
-    pool: Pool = ONE_THREAD,
-    command: str = "",
-    advance: Advance = ignored,
-) -> Studied:
-    """Measure every point of ``study`` with every seed.
+def study_rows(asked: StudyRequest, *, pool: Pool = ONE_THREAD, advance: Advance = ignored) -> tuple[Row, ...]:
+    """Measure every point of a study with every seed: the points in order.
 
     Args:
-        study: The study.
-        asked: What it is asked.
+        asked: What it is to find.
         pool: Who measures, a thread one task at a time; it changes no figure.
-        command: How to repeat it, for the page.
         advance: Called for every task that is done.
     Raises:
         LavaVprError: values that the study does not take, settings that cannot be learned, images that do not fit, or
             the cluster was lost.
     """
-    tasks, shared = planned(study, asked), (asked.route, study.measure)
-    found = compute(measured, tasks, shared=shared, called="models", pool=pool, advance=advance)
-    return Studied(study, asked, rows(outcome for some in found.values() for outcome in some), command)
+    shared = (asked.route, asked.study.measure)
+    found = compute(measure_task, planned(asked), shared=shared, called="models", pool=pool, advance=advance)
+    return rows(outcome for some in found.values() for outcome in some)
 
 
-def planned(study: Study, asked: StudyRequest) -> list[StudyTask]:
-    """The tasks of ``study``, each seen to be one that can be learned.
+def planned(asked: StudyRequest) -> list[StudyTask]:
+    """The tasks of a study, each seen to be one that can be learned.
 
     Raises:
         ConfigError: values that the study does not take, or settings that cannot be learned.
         NetworkLimitError: integer learning that could overflow.
     """
+    study = asked.study
     if asked.values and not study.values:
         raise ConfigError(f"the study {study.name} takes no --values: its points are no numbers; leave them out")
     wrong = next((value for value in asked.values if study.whole and not float(value).is_integer()), None)

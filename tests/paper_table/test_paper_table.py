@@ -210,7 +210,7 @@ def test_what_is_kept_is_taken_for_the_same_images_settings_and_program_alone(
     source = official("spedtest", folder / "s")
     kept = kept_in(folder / "kept")
     wanted = computing.PaperRequest({"spedtest": source}, networks=("fast",), epochs=4)
-    computing.compute(wanted, folder / "kept")
+    computing.paper_table(wanted, folder / "kept")
     first, second = tasks(source, "fast", (1, 2), 0, 4)
     keys = [kept.key(task) for task in (first, second)]
     assert kept.find(first, keys[0]) == measure(None, read(first))

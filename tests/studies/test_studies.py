@@ -38,7 +38,7 @@ from lava_vpr.studies.several import as_one, member_seed, shuffled_order, side_b
 from lava_vpr.studies.show.page import costs as drawn_costs
 from lava_vpr.studies.show.page import curve, page
 from lava_vpr.studies.show.values import as_json, baselines_of, table
-from lava_vpr.studies.study import Studied, StudyRequest, StudyTask, measured, planned, run
+from lava_vpr.studies.study import StudyRequest, StudyTask, measure_task, planned, study_rows
 
 PLACES = 8
 VALUES: dict[str, tuple[float, ...]] = {
@@ -57,46 +57,50 @@ def route(noise: float = 0.9) -> Route:
 
 
 def asked(name: str) -> StudyRequest:
-    return StudyRequest(route(), small_config(), (0, 3), VALUES.get(name, ()))
+    return StudyRequest(STUDIES[name], route(), small_config(), (0, 3), VALUES.get(name, ()))
 
 
 @lru_cache(maxsize=16)
-def found(name: str) -> Studied:
-    return run(STUDIES[name], asked(name), command=f"lava-vpr study {name} ref --query query")
+def found(name: str) -> tuple[Row, ...]:
+    return study_rows(asked(name))
+
+
+def page_of(name: str) -> str:
+    return page(asked(name), found(name), f"lava-vpr study {name} ref --query query")
 
 
 def row(name: str, point: str) -> Row:
-    (wanted,) = (one for one in found(name).rows if one.label == point)
+    (wanted,) = (one for one in found(name) if one.label == point)
     return wanted
 
 
 @pytest.mark.quick(3)
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_study_is_the_same_every_time_and_with_other_threads(name: str) -> None:
-    first = json.dumps(as_json(found(name)), allow_nan=False)
-    assert json.dumps(as_json(run(STUDIES[name], asked(name), pool=Pool(3)))) == first
-    assert page(found(name)) == page(dataclasses.replace(found(name)))
+    first = json.dumps(as_json(asked(name), found(name)), allow_nan=False)
+    assert json.dumps(as_json(asked(name), study_rows(asked(name), pool=Pool(3)))) == first
+    assert page_of(name) == page_of(name)
 
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_its_tasks_go_to_any_process(name: str) -> None:
     """Outcomes of a task that was packed and unpacked are those of the task itself."""
-    task: StudyTask = planned(STUDIES[name], asked(name))[-1]
+    task: StudyTask = planned(asked(name))[-1]
     shared = (asked(name).route, STUDIES[name].measure)
-    function, there, again = pickle.loads(pickle.dumps((measured, shared, task)))
-    assert function(there, again) == measured(shared, task)
+    function, there, again = pickle.loads(pickle.dumps((measure_task, shared, task)))
+    assert function(there, again) == measure_task(shared, task)
 
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_every_figure_is_a_share_and_stands_in_the_table(name: str) -> None:
-    shown = table(found(name))
-    assert [cells[0] for cells in shown.rows] == [one.label for one in found(name).rows]
+    shown = table(asked(name), found(name))
+    assert [cells[0] for cells in shown.rows] == [one.label for one in found(name)]
     assert {len(cells) for cells in shown.rows} == {len(shown.columns)}
-    for one in found(name).rows:
+    for one in found(name):
         assert all(0 <= value <= 1 for spread in one.figures[NETWORK].values() for value in spread.by_seed.values())
         assert set(baselines_of(one)) == {"cosine", "sad"}
         assert list(one.figures[NETWORK]["auc"].by_seed) == [0, 3]
-    assert found(name).rows[0].figures[NETWORK]["recall_at_1"].mean > 1 / PLACES
+    assert found(name)[0].figures[NETWORK]["recall_at_1"].mean > 1 / PLACES
 
 
 def costs(one: Row) -> Costs | None:
@@ -271,7 +275,7 @@ REFUSED = [
 def test_points_that_cannot_be_are_refused_before_any_work(name: str, values: tuple[float, ...], said: str) -> None:
     done: list[int] = []
     with pytest.raises(ConfigError, match=said):
-        run(STUDIES[name], dataclasses.replace(asked(name), values=values), advance=lambda k, note: done.append(k))
+        study_rows(dataclasses.replace(asked(name), values=values), advance=lambda k, note: done.append(k))
     assert done == []
 
 
@@ -280,25 +284,25 @@ def test_what_needs_integers_refuses_the_float_model(name: str) -> None:
     inputs = tiny_paper().encoder.inputs
     place = Route((encoded(PLACES, inputs),), encoded(PLACES, inputs), np.eye(PLACES, dtype=bool))
     with pytest.raises(ConfigError, match=f"the study {name} needs an integer network"):
-        run(STUDIES[name], StudyRequest(place, tiny_paper(), (0,), VALUES[name]))
+        study_rows(StudyRequest(STUDIES[name], place, tiny_paper(), (0,), VALUES[name]))
 
 
 def test_a_board_that_cannot_run_a_network_leaves_a_gap(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measuring, "BOARD", dataclasses.replace(KAPOHO_BAY, memory=PackedRows(4), cores=1, chips=1))
-    made = run(STUDIES["bits"], StudyRequest(route(), small_config(), (0,), (2, 3)))
-    assert [costs(one) for one in made.rows] == [None, None]
-    assert as_json(made)["points"][1]["modelled"] is None
-    assert "modelled uJ" not in table(made).columns
-    assert as_json(made)["points"][0]["network"]["auc"]["deviation"] is None
-    one_gap = dataclasses.replace(found("bits"), rows=(found("bits").rows[0], made.rows[1]))
-    assert table(one_gap).rows[1][-2:] == ("-", "-")
+    bits = StudyRequest(STUDIES["bits"], route(), small_config(), (0,), (2, 3))
+    made = study_rows(bits)
+    assert [costs(one) for one in made] == [None, None]
+    assert as_json(bits, made)["points"][1]["modelled"] is None
+    assert "modelled uJ" not in table(bits, made).columns
+    assert as_json(bits, made)["points"][0]["network"]["auc"]["deviation"] is None
+    assert table(bits, (found("bits")[0], made[1])).rows[1][-2:] == ("-", "-")
 
 
 @pytest.mark.quick(1)
 @pytest.mark.parametrize("name", ["steps", "weighting"])
 def test_a_browser_has_nothing_to_say_of_the_page(name: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     target = tmp_path_factory.mktemp("page") / "study.html"
-    target.write_text(page(found(name)))
+    target.write_text(page_of(name))
     seen = visit(target)
     assert seen.console == ()
     assert STUDIES[name].title in seen.dom
@@ -307,7 +311,7 @@ def test_a_browser_has_nothing_to_say_of_the_page(name: str, tmp_path_factory: p
 @pytest.mark.quick(1)
 @pytest.mark.parametrize("name", ["bits", "hyperactive"])
 def test_on_a_phone_nothing_sticks_out_and_words_can_be_read(name: str, tmp_path: Path) -> None:
-    seen = on_phone(page(found(name)), tmp_path)
+    seen = on_phone(page_of(name), tmp_path)
     assert seen.wide <= PHONE
     assert seen.said == STUDIES[name].title
     assert seen.smallest >= 7

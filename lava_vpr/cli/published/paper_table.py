@@ -17,8 +17,8 @@ from lava_vpr.cli.show.results import Files, command_line, show_results
 from lava_vpr.config import StdpLearning
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.errors import InputError
+from lava_vpr.paper_table import run
 from lava_vpr.paper_table.methods import NETWORKS
-from lava_vpr.paper_table.run import PaperRequest, PaperTable, compute
 from lava_vpr.paper_table.show.tables import RULES, as_csv, as_json, markdown, tables
 from lava_vpr.paper_table.sources import Source, official, stand_in
 from lava_vpr.show.table import Table
@@ -136,23 +136,23 @@ def paper_table(
         raise click.UsageError("--kept-only takes what is kept; give --keep DIR")
     wanted = _wanted((json_path, csv_path, markdown_path), page, keep, **given)
     with pool_at(address, jobs) as pool, progress_bar("paper's table", len(wanted.tasks())) as advance:
-        said = command_line(ctx)
         try:
-            table = compute(wanted, keep, pool=pool, kept_only=kept_only, command=said, advance=advance)
+            parts = run.paper_table(wanted, keep, pool=pool, kept_only=kept_only, advance=advance)
         except KeyboardInterrupt:
             if keep is not None:
                 text = f"finished sections are kept in {shown(keep)}; the same command goes on from there"
                 click.echo(text, err=True)
             raise
-    files: Files = {json_path: as_json(table), csv_path: as_csv(table), markdown_path: markdown(table)}
-    return show_results([*tables(table), RULES], files, page, lambda: _page(table))
+    repeat = command_line(ctx)
+    files: Files = {json_path: as_json(wanted, parts), csv_path: as_csv(parts)}
+    files |= {markdown_path: markdown(wanted, parts, repeat)}
 
+    def drawn() -> str:
+        from lava_vpr.paper_table.show.page import page  # matplotlib takes a second to import
 
-def _page(table: PaperTable) -> str:
-    """The page of the table; it takes matplotlib a second to be imported."""
-    from lava_vpr.paper_table.show.page import page
+        return page(wanted, parts, repeat)
 
-    return page(table)
+    return show_results([*tables(parts), RULES], files, page, drawn)
 
 
 def _wanted(
@@ -168,7 +168,7 @@ def _wanted(
     sections: tuple[int, ...],
     epochs: int | None,
     seed: int,
-) -> PaperRequest:
+) -> run.PaperRequest:
     """What the table is computed from; no output is one of its files.
 
     Raises:
@@ -184,7 +184,7 @@ def _wanted(
     vectors = {name: (paths[0], paths[1]) for name, paths in _once(descriptors, "--descriptors").items()}
     for name in vectors.keys() - sources.keys():
         raise InputError(f"--descriptors {name}: no images of it are given; add --dataset or --traverses")
-    return PaperRequest(sources, vectors, only or NETWORKS, sections, seed, epochs)
+    return run.PaperRequest(sources, vectors, only or NETWORKS, sections, seed, epochs)
 
 
 def _once(given: Sequence[NamedPaths], option: str) -> dict[str, tuple[Path, ...]]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from lava_vpr.experiments.grid import Spread
 from lava_vpr.paper_table.methods import DOI
-from lava_vpr.paper_table.run import DatasetRows, PaperTable
+from lava_vpr.paper_table.run import DatasetRows, PaperRequest
 from lava_vpr.paper_table.show.tables import RULES, tables
 from lava_vpr.show.templates import safe
 from lava_vpr.studies.show.page import Kind, lines, panels, sheet
@@ -14,12 +16,12 @@ KINDS: tuple[Kind, ...] = (("released", "R@100P released", "c0", "o"), ("printed
 """What is drawn of each method: a dot for each section, a mark at their mean; what the paper prints."""
 
 
-def page(table: PaperTable) -> str:
-    """The whole page as HTML text; equal results give equal text."""
-    facts = {"paper": f"doi {DOI}", "seed": str(table.wanted.seed), "rules": RULES}
-    drawn = panels((part.dataset.title, _drawing(part)) for part in table.parts if part.source is not None)
-    sections = {"Sections": ("sections", drawn), "Tables": ("tables", "".join(one.html() for one in tables(table)))}
-    return sheet(TITLE, facts, sections, table.command)
+def page(wanted: PaperRequest, parts: Sequence[DatasetRows], command: str) -> str:
+    """The whole page as HTML text, with the command that repeats it; equal results give equal text."""
+    facts = {"paper": f"doi {DOI}", "seed": str(wanted.seed), "rules": RULES}
+    drawn = panels((part.dataset.title, _drawing(part)) for part in parts if part.source is not None)
+    sections = {"Sections": ("sections", drawn), "Tables": ("tables", "".join(one.html() for one in tables(parts)))}
+    return sheet(TITLE, facts, sections, command)
 
 
 def _drawing(part: DatasetRows) -> str:

@@ -3,10 +3,11 @@ results give equal bytes, and none holds a path or a time."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from lava_vpr.paper_table.methods import DOI
-from lava_vpr.paper_table.run import DatasetRows, MethodRow, PaperTable, counted
+from lava_vpr.paper_table.run import DatasetRows, MethodRow, PaperRequest, counted
 from lava_vpr.paper_table.sections import FIGURES
 from lava_vpr.show.numbers import NONE, percent
 from lava_vpr.show.table import Table
@@ -75,14 +76,14 @@ def by_section(part: DatasetRows, figure: str, heading: str) -> Table:
     return Table(columns, cells, title=f"{part.dataset.title}, section by section: {heading}, percent")
 
 
-def absent(table: PaperTable) -> Table | None:
+def absent(parts: Sequence[DatasetRows]) -> Table | None:
     """The datasets of which there are no images, with what the paper prints; None if all are there."""
-    parts = [part for part in table.parts if part.source is None]
-    if not parts:
+    without = [part for part in parts if part.source is None]
+    if not without:
         return None
-    named = [row for row in parts[0].rows if row.printed is not None]
+    named = [row for row in without[0].rows if row.printed is not None]
     rows = []
-    for part in parts:
+    for part in without:
         printed = {row.method.name: percent(row.printed) for row in part.rows}
         why = next(row.absent for row in part.rows)
         rows.append((part.dataset.title, *(printed[row.method.name] for row in named), why or ""))
@@ -90,22 +91,21 @@ def absent(table: PaperTable) -> Table | None:
     return Table(columns, rows, title="absent: R@100P as printed, percent", long=frozenset({len(columns) - 1}))
 
 
-def tables(table: PaperTable) -> list[Table]:
+def tables(parts: Sequence[DatasetRows]) -> list[Table]:
     """All tables in order."""
     found = []
-    for part in table.parts:
+    for part in parts:
         if part.source is not None:
             found.append(summary(part))
             if any(len(row.sections) > 1 for row in part.rows):
                 found.append(by_section(part, "released", "R@100P released"))
                 found.append(by_section(part, "recall_at_1", "R@1"))
-    last = absent(table)
+    last = absent(parts)
     return found if last is None else [*found, last]
 
 
-def markdown(table: PaperTable) -> str:
-    """The whole page; equal results give equal text."""
-    wanted = table.wanted
+def markdown(wanted: PaperRequest, parts: Sequence[DatasetRows], command: str) -> str:
+    """The whole page, with the command that repeats it; equal results give equal text."""
     shown = "as many epochs as each preset says" if wanted.epochs is None else f"{wanted.epochs} epochs"
     lines = [
         "# The paper's table",
@@ -121,10 +121,10 @@ def markdown(table: PaperTable) -> str:
         RULES,
         "",
         "```sh",
-        table.command,
+        command,
         "```",
     ]
-    for one in tables(table):
+    for one in tables(parts):
         lines += ["", f"## {one.title[0].upper()}{one.title[1:]}", ""]
         if one.notes:
             lines += [*one.notes, ""]
@@ -135,13 +135,13 @@ def markdown(table: PaperTable) -> str:
 HEADER = ("dataset", "method", "section", *FIGURES, "printed", "absent")
 
 
-def as_json(table: PaperTable) -> dict[str, Any]:
+def as_json(wanted: PaperRequest, parts: Sequence[DatasetRows]) -> dict[str, Any]:
     """The table in the layout that scripts rely on: fractions in 0..1, None where there is nothing."""
     return {
         "doi": DOI,
-        "seed": table.wanted.seed,
-        "epochs": table.wanted.epochs,
-        "datasets": [_part(part) for part in table.parts],
+        "seed": wanted.seed,
+        "epochs": wanted.epochs,
+        "datasets": [_part(part) for part in parts],
     }
 
 
@@ -176,9 +176,9 @@ def _row(row: MethodRow) -> dict[str, Any]:
     }
 
 
-def as_csv(table: PaperTable) -> str:
+def as_csv(parts: Sequence[DatasetRows]) -> str:
     """The table as CSV: a line for each section, then ``mean`` and ``deviation``; one line says why a row is absent."""
-    lines = [line for part in table.parts for row in part.rows for line in _lines(part.dataset.name, row)]
+    lines = [line for part in parts for row in part.rows for line in _lines(part.dataset.name, row)]
     return Table(HEADER, lines).csv()
 
 

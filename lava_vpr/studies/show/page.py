@@ -15,7 +15,7 @@ from lava_vpr.show.page import document
 from lava_vpr.show.svg import THEME, canvas, gridded, themed, to_svg
 from lava_vpr.show.templates import render, safe, text
 from lava_vpr.studies.show.values import table
-from lava_vpr.studies.study import Studied
+from lava_vpr.studies.study import Study, StudyRequest
 
 WIDTH = 560
 """Width of a drawing, in CSS pixels at its natural size."""
@@ -144,16 +144,16 @@ def lines(
     return to_svg(figure, name, label)
 
 
-def _drawings(found: Studied) -> str:
+def _drawings(study: Study, rows: Sequence[Row]) -> str:
     """The plots of a study, each in a panel."""
-    title, varied, rows = found.study.title, found.study.varied, found.rows
-    if found.study.drawn == "rows":
+    title, varied = study.title, study.varied
+    if study.drawn == "rows":
         figures = [[row.figures[NETWORK][key] for key in Recall._fields] for row in rows]
         svg = lines([row.label for row in rows], KINDS, figures, safe(f"{title}: recall of each row"))
         drawn = [("Recall: dots are seeds, marks their means", svg)]
     else:
         drawn = [("Recall: means of the seeds, bars from the least to the most", curve(rows, varied, safe(title)))]
-    if found.study.costed and sum(MODELLED in row.figures for row in rows) > 1:
+    if study.costed and sum(MODELLED in row.figures for row in rows) > 1:
         drawing = costs(rows, varied, safe(f"{title}: R@1 against modelled energy and time of a query"))
         drawn.append(("Recall against modelled costs of a query", drawing))
     return panels(drawn)
@@ -192,9 +192,8 @@ def sheet(title: str, facts: Mapping[str, str], sections: Mapping[str, tuple[str
     return document(title, body, style=f"\n{text('bench.css')}\n")
 
 
-def page(found: Studied) -> str:
-    """The whole page as HTML text; equal results give equal text."""
-    asked = found.asked
+def page(asked: StudyRequest, rows: Sequence[Row], command: str) -> str:
+    """The whole page as HTML text, with the command that repeats it; equal results give equal text."""
     facts = {
         "places": f"{asked.route.places:,}",
         "queries": f"{len(asked.route.queries):,}",
@@ -202,5 +201,5 @@ def page(found: Studied) -> str:
         "preset": asked.config.preset,
         "decoder": asked.config.decoder.default,
     }
-    sections = {"Plots": ("plots", _drawings(found)), "Table": ("table", table(found).html())}
-    return sheet(found.study.title, facts, sections, found.command)
+    sections = {"Plots": ("plots", _drawings(asked.study, rows)), "Table": ("table", table(asked, rows).html())}
+    return sheet(asked.study.title, facts, sections, command)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from lava_vpr.configfile import to_dict
@@ -10,24 +11,23 @@ from lava_vpr.experiments.task import BOARD, COSTED, FACTS, MODELLED, NETWORK, C
 from lava_vpr.matching.evaluation import Recall, titles
 from lava_vpr.show.numbers import NONE, count, figure, named, percent
 from lava_vpr.show.table import Table
-from lava_vpr.studies.study import Studied
+from lava_vpr.studies.study import StudyRequest
 
 SHARES = ("covered", "removed")
 """Facts that are shares, shown in percent; all others are counts."""
 
 
-def as_json(found: Studied) -> dict[str, Any]:
+def as_json(asked: StudyRequest, rows: Sequence[Row]) -> dict[str, Any]:
     """The figures in the layout that scripts rely on: fractions in 0..1, None where nothing can be computed."""
-    asked = found.asked
     return {
-        "study": found.study.name,
-        "varied": found.study.varied,
+        "study": asked.study.name,
+        "varied": asked.study.varied,
         "places": asked.route.places,
         "queries": len(asked.route.queries),
         "seeds": list(asked.seeds),
         "board": BOARD.name,
         "settings": {key: value for key, value in to_dict(asked.config).items() if key != "seed"},
-        "points": [_point(row) for row in found.rows],
+        "points": [_point(row) for row in rows],
     }
 
 
@@ -56,14 +56,13 @@ def _spreads(row: Row, group: str) -> dict[str, Any]:
     return {name: value.as_json() for name, value in row.figures.get(group, {}).items()}
 
 
-def table(found: Studied) -> Table:
+def table(asked: StudyRequest, rows: Sequence[Row]) -> Table:
     """The table of a study: recall with its spread over seeds, then facts, baselines and modelled costs."""
-    facts = tuple(dict.fromkeys(name for row in found.rows for name in row.figures.get(FACTS, ())))
-    baselines = tuple(dict.fromkeys(name for row in found.rows for name in baselines_of(row)))
-    costs = ("modelled uJ", "modelled ms") if any(MODELLED in row.figures for row in found.rows) else ()
-    asked, study = found.asked, found.study
+    facts = tuple(dict.fromkeys(name for row in rows for name in row.figures.get(FACTS, ())))
+    baselines = tuple(dict.fromkeys(name for row in rows for name in baselines_of(row)))
+    costs = ("modelled uJ", "modelled ms") if any(MODELLED in row.figures for row in rows) else ()
     lines = []
-    for row in found.rows:
+    for row in rows:
         cells = [row.label, *(shared(row.figures[NETWORK][name]) for name in Recall._fields)]
         cells += [(percent if name in SHARES else count)(row.mean(FACTS, name)) for name in facts]
         cells += [_three(row, name) for name in baselines]
@@ -79,8 +78,8 @@ def table(found: Studied) -> Table:
             f"not; seed {asked.seeds[0]}, first {COSTED} queries."
         )
     numbers = f"{len(asked.route.queries)} queries, {asked.route.places} places, preset {asked.config.preset}"
-    columns = (study.varied, *titles(), *map(named, facts), *baselines, *costs)
-    return Table(columns, lines, (note, study.note), f"{study.title.lower()}: {numbers}")
+    columns = (asked.study.varied, *titles(), *map(named, facts), *baselines, *costs)
+    return Table(columns, lines, (note, asked.study.note), f"{asked.study.title.lower()}: {numbers}")
 
 
 def shared(value: Spread) -> str:
