@@ -219,8 +219,6 @@ def _ends(traverse: Traverse) -> tuple[int, int]:
         InputError: one of them cannot be read.
     """
     first, *_ = traverse.take(sorted({0, len(traverse) - 1})).images()
-    for _ in traverse.take([len(traverse) - 1]).images() if traverse.found is None else ():
-        pass
     if first.ndim < 2:
         raise InputError(f"{shown(traverse.source)}: holds vectors; a dataset is checked by its images")
     return int(first.shape[1]), int(first.shape[0])

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import to_dict
-from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
+from lava_vpr.encoding import Keep, encode_traverse
 from lava_vpr.errors import InputError
 from lava_vpr.experiments.cache import FigureCache, content_key
 from lava_vpr.experiments.grid import Figures
 from lava_vpr.experiments.task import judged_scores
-from lava_vpr.matching.baselines import cosine_similarities, load_descriptors
+from lava_vpr.matching.baselines import cosine_similarities
 from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.equations import Scores
 from lava_vpr.matching.evaluation import evaluate
@@ -30,84 +30,30 @@ from lava_vpr.recognition import Comparison, recognise
 from lava_vpr.storage.reading import open_regular
 from lava_vpr.storage.text import shown
 from lava_vpr.training.loop import train
-from lava_vpr.traverse import Traverse, open_traverse
+from lava_vpr.traverse import Traverse
 
 FIGURES = ("released", "recall_at_100_precision", "recall_at_1", "auc")
 """The figures of a method on a section, fractions in 0..1: R@100P as the paper's released code counts it (`evaluate`,
 ``pr="vprsnn"``) and exactly, every query among all; R@1; area under the exact precision-recall curve."""
 
 
-@dataclass(frozen=True)
-class Taken:
-    """Some images of a traverse, as plain values.
+def digest(part: Traverse | NDArray[np.float64]) -> bytes:
+    """A hash of the files of images, and of which frames of a video they are; of descriptors, of their values.
 
-    Attributes:
-        source: Folder, list or video.
-        every: Seconds between two frames of a video.
-        indices: Their numbers in the whole traverse, in order.
+    Raises:
+        InputError: a file cannot be read.
     """
-
-    source: str
-    every: float
-    indices: tuple[int, ...] = field(repr=False)
-
-    def open(self) -> Traverse:
-        """The images.
-
-        Raises:
-            InputError: the traverse cannot be opened any more.
-        """
-        whole = open_traverse(self.source, every=self.every)
-        if max(self.indices) >= len(whole):
-            raise InputError(f"{shown(self.source)}: has {len(whole)} images, fewer than before; start again")
-        return whole.take(self.indices)
-
-    def read(self, config: Config) -> EncodedTraverse:
-        """The images as a network of ``config`` sees them, with what baselines compare."""
-        return encode_traverse(self.open(), config.encoder, Keep.ALL)
-
-    def digest(self) -> bytes:
-        """A hash of the files of the images, and of which frames of a video they are.
-
-        Raises:
-            InputError: a file cannot be read.
-        """
-        traverse = self.open()
-        frames = [] if traverse.frames is None else traverse.frames.tolist()
-        digest = hashlib.sha256(json.dumps([self.every, frames]).encode())
-        for path in map(Path, traverse.paths):
-            try:
-                with open_regular(path) as file:
-                    while block := file.read(1 << 20):
-                        digest.update(block)
-            except OSError as error:
-                raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check the file") from None
-        return digest.digest()
-
-
-@dataclass(frozen=True)
-class DescriptorRows:
-    """Rows of a file of descriptors.
-
-    Attributes:
-        path: The .npy file.
-        rows: Which rows, in order.
-    """
-
-    path: Path
-    rows: tuple[int, ...] = field(repr=False)
-
-    def read(self, config: Config | None = None) -> NDArray[np.float64]:
-        """The rows, float64 (n, dimensions).
-
-        Raises:
-            InputError: as `load_descriptors`.
-        """
-        return np.asarray(load_descriptors(self.path)[list(self.rows)], np.float64)
-
-    def digest(self) -> bytes:
-        """A hash of the rows."""
-        return hashlib.sha256(np.ascontiguousarray(self.read()).tobytes()).digest()
+    if not isinstance(part, Traverse):
+        return hashlib.sha256(np.ascontiguousarray(part).tobytes()).digest()
+    hashed = hashlib.sha256(json.dumps([] if part.frames is None else part.frames.tolist()).encode())
+    for path in map(Path, part.paths):
+        try:
+            with open_regular(path) as file:
+                while block := file.read(1 << 20):
+                    hashed.update(block)
+        except OSError as error:
+            raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check the file") from None
+    return hashed.digest()
 
 
 @dataclass(frozen=True)
@@ -119,8 +65,8 @@ class SectionTask:
         section: Its number, from 1.
         network: Name of a preset, or `DESCRIPTORS`.
         seed: Of start weights and spikes.
-        inputs: The places in each reference traverse, then their queries in the same order: images or descriptors; in
-            memory, once they were `read`.
+        inputs: The places in each reference traverse, then their queries in the same order: traverses, encoded once
+            they were `read`; or descriptors, float64 (n, dimensions).
         epochs: Times that every image is shown; None: as often as the preset says.
     """
 
@@ -128,7 +74,7 @@ class SectionTask:
     section: int
     network: str
     seed: int
-    inputs: tuple[Any, ...] = field(repr=False)
+    inputs: tuple[Any, ...] = field(repr=False, compare=False)
     epochs: int | None = None
 
     @property
@@ -146,15 +92,17 @@ class SectionTask:
 
 def kept_in(folder: Path) -> FigureCache[SectionTask, Figures]:
     """Figures of finished sections, in a folder."""
-    digests: dict[Taken | DescriptorRows, bytes] = {}
+    digests: dict[tuple[str, int, bool], list[bytes]] = {}
 
     def name(task: SectionTask) -> str:
         return f"{task.dataset}-{task.network}-{task.section:02d}-seed-{task.seed}"
 
     def key(task: SectionTask) -> str:
-        digests.update({part: part.digest() for part in task.inputs if part not in digests})
+        images = task.dataset, task.section, task.network == DESCRIPTORS
+        if images not in digests:
+            digests[images] = [digest(part) for part in task.inputs]
         matchers = [method.matcher for method in of_network(task.network)]
-        return content_key(measure, [matchers, to_dict(task.config)], *(digests[part] for part in task.inputs))
+        return content_key(measure, [matchers, to_dict(task.config)], *digests[images])
 
     return FigureCache(folder, name, key, _figures)
 
@@ -172,12 +120,14 @@ def _figures(values: Any) -> Figures:
 
 
 def read(task: SectionTask) -> SectionTask:
-    """A task with its images, encoded as its network sees them, or its descriptors, float64 (n, dimensions).
+    """A task with its images encoded as its network sees them, with what baselines compare; or with its descriptors.
 
     Raises:
-        LavaVprError: images or descriptors that cannot be used.
+        InputError: an image cannot be read.
     """
-    return replace(task, inputs=tuple(part.read(task.config) for part in task.inputs))
+    if task.network == DESCRIPTORS:
+        return task
+    return replace(task, inputs=tuple(encode_traverse(part, task.config.encoder, Keep.ALL) for part in task.inputs))
 
 
 def measure(shared: None, task: SectionTask) -> Figures:

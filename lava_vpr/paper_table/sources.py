@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lava_vpr.config import EncoderConfig
 from lava_vpr.datasets.layouts import DATASETS, Dataset, check_lengths, find_layout
 from lava_vpr.errors import InputError
 from lava_vpr.matching.baselines import load_descriptors
 from lava_vpr.paper_table.methods import DESCRIPTORS
-from lava_vpr.paper_table.sections import DescriptorRows, SectionTask, Taken
+from lava_vpr.paper_table.sections import SectionTask
 from lava_vpr.storage.text import shown
 from lava_vpr.training.preparing import choose_places
 from lava_vpr.traverse import Traverse, located, open_traverse
@@ -28,7 +29,6 @@ class Source:
         learned: What its reference traverses are called.
         recognised: What its query traverse is called.
         official: Whether the paper's traverses were found in the official folders.
-        every: Seconds between two frames of its videos.
         traverses: The places in each traverse, an image each, references first, the query last.
         images: Images of each whole traverse.
     """
@@ -37,7 +37,6 @@ class Source:
     learned: tuple[str, ...]
     recognised: str
     official: bool
-    every: float
     traverses: tuple[Traverse, ...] = field(repr=False)
     images: tuple[int, ...]
 
@@ -56,10 +55,9 @@ class Source:
         """What is learned and recognised, in words."""
         return f"{' and '.join(self.learned)} learned, {self.recognised} recognised"
 
-    def taken(self, section: int) -> tuple[Taken, ...]:
+    def images_of(self, section: int) -> tuple[Traverse, ...]:
         """The images of a section in each traverse."""
-        chosen = [traverse.take(range(*self.dataset.section(section))) for traverse in self.traverses]
-        return tuple(Taken(part.source, self.every, tuple(part.indices.tolist())) for part in chosen)
+        return tuple(traverse.take(range(*self.dataset.section(section))) for traverse in self.traverses)
 
 
 def official(name: str, root: Path, positions: Sequence[Path] = ()) -> Source:
@@ -87,7 +85,7 @@ def official(name: str, root: Path, positions: Sequence[Path] = ()) -> Source:
         )
     sampled = [opened.sampled(traverse) for traverse in whole]
     chosen = _matched(sampled, whole, positions, layout.spacing)
-    return _checked(Source(row, row.learned, row.recognised, True, layout.every, chosen, tuple(map(len, whole))))
+    return _checked(Source(row, row.learned, row.recognised, True, chosen, tuple(map(len, whole))))
 
 
 def stand_in(name: str, paths: Sequence[Path], positions: Sequence[Path] = ()) -> Source:
@@ -113,7 +111,7 @@ def stand_in(name: str, paths: Sequence[Path], positions: Sequence[Path] = ()) -
         )
     chosen = _matched(whole, whole, positions, None)
     names = tuple(shown(Path(path).stem) for path in paths)
-    return _checked(Source(DATASETS[name], names[:-1], names[-1], False, 1.0, chosen, tuple(map(len, whole))))
+    return _checked(Source(DATASETS[name], names[:-1], names[-1], False, chosen, tuple(map(len, whole))))
 
 
 def _matched(
@@ -162,14 +160,14 @@ def tasks(
         InputError: descriptors that cannot be used, or that are not one for each image.
     """
     if network != DESCRIPTORS:
-        return [SectionTask(source.dataset.name, k, network, seed, source.taken(k), epochs) for k in sections]
+        return [SectionTask(source.dataset.name, k, network, seed, source.images_of(k), epochs) for k in sections]
     if descriptors is None:
         return []
     return [SectionTask(source.dataset.name, k, network, 0, _rows(source, descriptors, k)) for k in sections]
 
 
-def _rows(source: Source, files: tuple[Path, Path], section: int) -> tuple[DescriptorRows, DescriptorRows]:
-    """Rows of descriptors of a section: references, traverse after traverse, and queries.
+def _rows(source: Source, files: tuple[Path, Path], section: int) -> tuple[NDArray[np.float64], ...]:
+    """Descriptors of a section, float64 (n, dimensions): references, traverse after traverse, and queries.
 
     A file has a row for each place, or one for each image of the whole traverses; of references the traverses follow
     each other.
@@ -180,7 +178,8 @@ def _rows(source: Source, files: tuple[Path, Path], section: int) -> tuple[Descr
     found = []
     last = len(source.traverses) - 1
     for path, numbers in zip(files, (range(last), range(last, last + 1)), strict=True):
-        rows = len(load_descriptors(path))
+        vectors = load_descriptors(path)
+        rows = len(vectors)
         by_place, by_image = source.places * len(numbers), sum(source.images[k] for k in numbers)
         if rows not in (by_place, by_image):
             whole = f", or {by_image:,} images" if by_image != by_place else ""
@@ -195,5 +194,5 @@ def _rows(source: Source, files: tuple[Path, Path], section: int) -> tuple[Descr
             one = places if rows == by_place else source.traverses[k].indices[places]
             chosen += (start + one).tolist()
             start += source.places if rows == by_place else source.images[k]
-        found.append(DescriptorRows(path, tuple(chosen)))
-    return found[0], found[1]
+        found.append(np.asarray(vectors[chosen], np.float64))
+    return tuple(found)

@@ -144,8 +144,8 @@ def paper_table(
                 click.echo(text, err=True)
             raise
     repeat = command_line(ctx)
-    files: Files = {json_path: as_json(wanted, parts), csv_path: as_csv(parts)}
-    files |= {markdown_path: markdown(wanted, parts, repeat)}
+    page_text = markdown(wanted, parts, repeat)
+    files: Files = {json_path: as_json(wanted, parts), csv_path: as_csv(parts), markdown_path: page_text}
 
     def drawn() -> str:
         from lava_vpr.paper_table.show.page import page  # matplotlib takes a second to import

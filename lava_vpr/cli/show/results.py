@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ Files = Mapping[Path | None, str | dict[str, Any]]
 
 
 def show_results(
-    said: Sequence[Table | str], files: Files, page: Path | None = None, page_of: Callable[[], str] = str
+    said: Iterable[Table | str], files: Files, page: Path | None = None, page_of: Callable[[], str] = str
 ) -> list[Table]:
     """Write the files, then print what is said, since whoever reads it may go away; the tables of it.
 
@@ -36,11 +36,12 @@ def show_results(
     if page is not None:
         with stage("writing the report"):
             write_page(page_of(), page)
-    for item in said:
+    items = list(said)
+    for item in items:
         print_whole(item)
     if page is not None:
         console.print(f"report: {shown(page)}")
-    return [item for item in said if isinstance(item, Table)]
+    return [item for item in items if isinstance(item, Table)]
 
 
 SILENT = ("json_path", "csv_path", "report_folder", "jobs", "address", "keep")
