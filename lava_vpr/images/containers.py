@@ -11,7 +11,8 @@ PyAV (17.1, FFmpeg 8) cannot take the place of these walks: of the 599 cuts of t
 for a whole video, with every packet decoded, its marks of corruption looked at, and frames and seconds held against
 the header (28 of 85 cuts of a program stream, 16 of 173 of Matroska, 14 of 341 of the others); these walks take none.
 
-Sources: AVI RIFF File Reference (Microsoft) with the OpenDML extensions 1.02; ISO/IEC 13818-1 for program streams.
+Sources: AVI RIFF File Reference (Microsoft) with the OpenDML extensions 1.02; ISO/IEC 13818-1 for program streams;
+ISO/IEC 14496-12 and the QuickTime File Format; RFC 9559 and RFC 8794 (EBML) for Matroska.
 """
 
 from __future__ import annotations
@@ -20,102 +21,347 @@ import re
 import struct
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lava_vpr.errors import InputError
-from lava_vpr.images.films import BOXES_FIRST, walk_matroska, walk_mp4
-from lava_vpr.images.windows import DamagedError, Film, Window
+from lava_vpr.images.windows import UNKNOWN_LENGTHS, DamagedError, Film, Part, Window, printable, riff_chunk
+from lava_vpr.storage.limits import within
 
 _KNOWN = "AVI, MP4, QuickTime, Matroska, WebM or MPEG program stream"
-_AVI_UNKNOWN = (0, 0xFFFFFFFF)  # lengths that a writer leaves which cannot go back to them
-_AVI_ENDLESS = 1 << 30  # the number of frames that FFmpeg leaves then
+_BOXES_FIRST = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
+"""Types of the box with which a file may begin."""
+
+_ENTERED = (b"moov", b"trak", b"mdia", b"minf", b"dinf", b"stbl", b"edts")
 
 
-class _Avi:
-    """One walk over an AVI file."""
+def _box(file: Window, position: int, end: int) -> Part:
+    """The box at ``position`` of what ends at ``end``."""
+    length, kind = file.numbers(">I4s", position)
+    start = position + 8
+    if length == 1:
+        length, start = file.numbers(">Q", start)[0], start + 8
+    elif length == 0 and kind == b"mdat":
+        length = end - position  # up to the end of the file
+    if length < start - position:
+        raise DamagedError(f"no part begins at byte {position:,}, where one should")
+    return printable(kind, position), start, position + length
+
+
+class _Track:
+    """One track, and its boxes by type; of equal ones the first (a handler of the data follows that of the medium)."""
 
     def __init__(self, file: Window) -> None:
         self.file = file
-        self.streams: list[bytes] = []  # header of each stream
-        self.formats: list[bytes] = []
-        # By the stream's two digits: its chunks, those that are not empty, and the number of the last of these.
-        self.counts: dict[bytes, tuple[int, int, int]] = {}
+        self.boxes: dict[bytes, tuple[int, int]] = {}
 
-    def film(self) -> Film:
-        """What the file says of itself."""
-        position = 0
-        while position + 12 <= self.file.size:
-            kind, length, form = self.file.numbers("<4sI4s", position)
-            if kind != b"RIFF" or form not in (b"AVI ", b"AVIX"):
-                break  # what follows is no part of the video
-            position = self.children(position + 12, self.end(position + 8, length, None))
-        sizes, first = [], (0, 0.0)
-        for number, header in enumerate(self.streams):
-            if header[:4] != b"vids" or len(header) < 48:
-                continue
-            scale, rate, _, declared = struct.unpack_from("<4I", header, 20)
-            chunks, frames, last = self.counts.get(b"%02d" % number, (0, 0, 0))
-            if chunks < declared < _AVI_ENDLESS:
-                raise DamagedError(f"it holds {chunks:,} of {declared:,} frames")
-            if not first[0] and rate:
-                first = frames, last * scale / rate
-            if len(self.formats) > number and len(self.formats[number]) >= 12:
-                width, height = struct.unpack_from("<ii", self.formats[number], 4)
-                sizes.append((abs(width), abs(height)))
-        return Film("avi", tuple(sizes), *first)
+    def is_video(self) -> bool:
+        """Whether the track shows pictures."""
+        return b"hdlr" in self.boxes and self.file.at(self.boxes[b"hdlr"][0] + 8, 4) == b"vide"
 
-    def end(self, start: int, length: int, beyond: int | None) -> int:
-        """Where a part ends that begins at ``start``."""
-        if length in _AVI_UNKNOWN and (beyond is None or length):
-            return self.file.reach(self.file.size if beyond is None else beyond)
-        return self.file.reach(start + length, beyond)
+    def table(self, kind: bytes, layout: str, skip: int = 4) -> NDArray[np.int64]:
+        """The rows of a table box, int64 (n, columns).
 
-    def children(self, position: int, end: int) -> int:
-        """Walk over the parts from ``position`` to ``end``, which is returned; lists are entered."""
-        while position + 8 <= end:
-            kind, length = self.file.numbers("<4sI", position)
-            if not all(0x20 <= c < 0x7F for c in kind):
-                raise DamagedError(f"no part begins at byte {position:,}, where one should")
-            start = position + 8
-            if kind == b"LIST":
-                form = self.file.at(start, 4)
-                unknown = length in _AVI_UNKNOWN and form == b"movi"
-                position = self.children(start + 4, end if unknown else self.file.reach(start + length, end))
-                position += 0 if unknown else length % 2
-                continue
-            position = self.file.reach(start + length, end)
+        Args:
+            kind: Its type.
+            layout: A row's columns as NumPy types of one size.
+            skip: Bytes before the count of rows.
+        """
+        if kind not in self.boxes:
+            return np.zeros((0, len(layout.split(","))), np.int64)
+        start, end = self.boxes[kind]
+        rows = self.file.numbers(">I", start + skip)[0]
+        columns = layout.split(",")
+        width = np.dtype(columns[0]).itemsize * len(columns)
+        start += skip + 4
+        within("video_parts", rows)
+        if start + rows * width > end:
+            raise DamagedError(f"its table {kind.decode('latin-1')!r} is not whole")
+        data = np.frombuffer(self.file.at(start, rows * width), columns[0])
+        return data.reshape(-1, len(columns)).astype(np.int64)
+
+    def sizes(self) -> NDArray[np.int64]:
+        """Bytes of each sample, int64 (n,)."""
+        if b"stsz" not in self.boxes:
+            return np.zeros(0, np.int64)
+        same, count = self.file.numbers(">II", self.boxes[b"stsz"][0] + 4)
+        within("video_parts", count)
+        return np.full(count, same, np.int64) if same else self.table(b"stsz", ">u4", skip=8)[:, 0]
+
+    def check_samples(self, media: list[tuple[int, int]]) -> None:
+        """Every chunk of samples must lie within one of the file's parts with media."""
+        offsets = self.table(b"stco", ">u4")[:, 0]
+        if b"co64" in self.boxes:
+            offsets = self.table(b"co64", ">i8")[:, 0]
+        runs, sizes = self.table(b"stsc", ">u4,>u4,>u4"), self.sizes()
+        if not len(sizes):
+            return  # compact sizes, or all samples are in fragments
+        if not len(runs) or not len(offsets) or runs[0, 0] != 1 or (np.diff(runs[:, 0]) <= 0).any():
+            raise DamagedError("its tables of samples do not say where they are")
+        chunks = np.repeat(runs[:, 1], np.diff(np.append(runs[:, 0], max(len(offsets), runs[-1, 0]) + 1)))
+        if len(chunks) != len(offsets) or chunks.sum() < len(sizes) or (chunks <= 0).any():
+            raise DamagedError(f"its tables of samples do not place all {len(sizes):,}")
+        bounds = np.minimum(np.cumsum(chunks), len(sizes))
+        totals = np.concatenate([[0], np.cumsum(sizes)])
+        ends = offsets + np.diff(totals[np.concatenate([[0], bounds])])
+        starts, stops = np.array(media, np.int64).reshape(-1, 2).T
+        part = np.searchsorted(starts, offsets, side="right") - 1
+        if not len(starts) or (part < 0).any() or (ends > stops[part]).any():
+            raise DamagedError("frames are missing")
+
+    def span(self, movie_scale: int) -> float:
+        """Seconds from the first frame to the last that is shown."""
+        steps = self.table(b"stts", ">u4,>u4")
+        if b"mdhd" not in self.boxes or not len(steps) or not self.sizes().size:
+            return 0.0
+        start = self.boxes[b"mdhd"][0]
+        scale = self.file.numbers(">I", start + (20 if self.file.at(start, 1)[0] else 12))[0]
+        if not scale:
+            return 0.0
+        whole = float((steps[:, 0].astype(np.float64) * steps[:, 1]).sum()) / scale
+        shown, last = self.shown(movie_scale), float(steps[-1, 1]) / scale
+        return max(0.0, (whole if shown is None else min(whole, shown)) - last)
+
+    def shown(self, movie_scale: int) -> float | None:
+        """Seconds that the edit list shows; None without one."""
+        if b"elst" not in self.boxes or not movie_scale:
+            return None
+        wide = self.file.at(self.boxes[b"elst"][0], 1)[0] == 1
+        if wide:
+            rows = self.table(b"elst", ">u4,>u4,>i4,>i4,>u4")
+            parts = (rows[:, 0] * 2.0**32 + rows[:, 1])[rows[:, 2] >= 0]
+        else:
+            rows = self.table(b"elst", ">i4,>i4,>i4")
+            parts = rows[rows[:, 1] >= 0, 0].astype(np.float64)
+        return float(parts.sum()) / movie_scale
+
+    def check_source(self) -> None:
+        """The media must lie in this file."""
+        if b"dref" not in self.boxes:
+            return
+        start, end = self.boxes[b"dref"]
+        for _, first, _ in self.file.walk(start + 8, end, _box):
+            if not self.file.at(first, 4)[3] & 1:
+                raise InputError("plays other files, which it names, instead of its own content; convert it to MP4")
+
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        start = self.boxes[b"stsd"][0] if b"stsd" in self.boxes else None
+        if start is None or not self.file.numbers(">I", start + 4)[0]:
+            return 0, 0
+        width, height = struct.unpack(">HH", self.file.at(start + 8 + 32, 4))
+        return width, height
+
+
+def _walk_mp4(file: Window) -> Film:
+    """What an MP4 or QuickTime file says of itself; it must be whole.
+
+    Raises:
+        DamagedError: part of it is missing.
+        InputError: its media lie in other files.
+    """
+    tracks: list[_Track] = []
+    media: list[tuple[int, int]] = []
+    scale, movie = 0, False
+    for kind, start, end in file.walk(0, file.size, _box, _ENTERED):
+        if kind == b"moov":
+            movie = movie or end > start
+        elif kind == b"mvhd":
+            scale = file.numbers(">I", start + (20 if file.at(start, 1)[0] else 12))[0]
+        elif kind == b"mdat":
+            media.append((start, end))
+        elif kind == b"sidx":
+            _check_index(file, start, end)
+        elif kind == b"trak":
+            tracks.append(_Track(file))
+        elif tracks:
+            tracks[-1].boxes.setdefault(kind, (start, end))
+    if not movie:
+        raise DamagedError("its table of contents (moov) is missing")
+    films = [track for track in tracks if track.is_video()]
+    for track in films:
+        track.check_source()
+        track.check_samples(media)
+    # An edit list hides frames, and rounds the time that it shows.
+    frames = 0 if not films or b"elst" in films[0].boxes else len(films[0].sizes())
+    return Film("mov", tuple(track.size() for track in films), frames, films[0].span(scale) if films else 0.0)
+
+
+def _check_index(file: Window, start: int, end: int) -> None:
+    """The fragments that an index lists must be there."""
+    wide = file.at(start, 1)[0] > 0
+    offset = file.numbers(">Q", start + 20)[0] if wide else file.numbers(">I", start + 16)[0]
+    position = start + (28 if wide else 20)
+    for row in range(file.numbers(">H", position + 2)[0]):
+        if position + 8 + 12 * row > end:
+            raise DamagedError("its index of fragments is not whole")
+        offset += file.numbers(">I", position + 4 + 12 * row)[0] & 0x7FFFFFFF
+    file.reach(end + offset)
+
+
+_DOCTYPE, _SEGMENT, _INFO, _TRACKS, _CLUSTER = 0x4282, 0x18538067, 0x1549A966, 0x1654AE6B, 0x1F43B675
+_SCALE, _DURATION, _TIMESTAMP, _SIMPLE_BLOCK, _GROUP, _BLOCK = 0x2AD7B1, 0x4489, 0xE7, 0xA3, 0xA0, 0xA1
+_TRACK, _NUMBER, _TYPE, _VIDEO, _WIDTH, _HEIGHT = 0xAE, 0xD7, 0x83, 0xE0, 0xB0, 0xBA
+_MASTERS = (_INFO, _TRACKS, _TRACK, _VIDEO, _CLUSTER, _GROUP)
+_SLACK_S = 1.0  # between the length that a live recording gives for itself and its last block
+
+
+def _variable(data: bytes, most: int, position: int) -> tuple[int, int]:
+    """The number of variable length with which ``data`` begins, its mark included, and its length in bytes.
+
+    Raises:
+        DamagedError: it is longer than ``most``, or not whole; ``position`` is where it stands.
+    """
+    length = 9 - data[0].bit_length() if data else 9
+    if length > min(most, len(data)):
+        raise DamagedError(f"no part begins at byte {position:,}, where one should")
+    return int.from_bytes(data[:length], "big"), length
+
+
+def _element(file: Window, position: int, end: int) -> Part:
+    """The element at ``position``; one of unknown length is told as empty: what is in it follows."""
+    head = file.at(position, min(12, file.size - position))
+    number, first = _variable(head, 4, position)
+    size, second = _variable(head[first:], 8, position)
+    start, size = position + first + second, size - (1 << 7 * second)
+    if size < (1 << 7 * second) - 1:
+        return number, start, start + size
+    if number not in (_SEGMENT, _CLUSTER):
+        raise DamagedError("a part within another has no length")
+    return number, start, start
+
+
+class _Recording:
+    """What the elements of a Matroska file say; times are in ticks."""
+
+    def __init__(self, file: Window) -> None:
+        self.file = file
+        self.scale = 1_000_000  # nanoseconds of a tick
+        self.duration = 0.0
+        self.tracks: list[dict[int, int]] = []  # number, type, width and height, by their elements
+        self.cluster = 0  # time stamp of the cluster
+        self.blocks: dict[int, tuple[int, int, int]] = {}  # by the track's number: how many, first and last time
+
+    def note(self, number: int, start: int, end: int) -> None:
+        """Note what an element says."""
+        if number == _DURATION and end - start in (4, 8):
+            self.duration = self.file.numbers(">f" if end - start == 4 else ">d", start)[0]
+        elif number == _TRACK:
+            self.tracks.append({})
+        elif number in (_SIMPLE_BLOCK, _BLOCK):
+            self.block(start)
+        elif number in (_SCALE, _TIMESTAMP) or (number in (_NUMBER, _TYPE, _WIDTH, _HEIGHT) and self.tracks):
+            value = int.from_bytes(self.file.at(start, min(8, end - start)), "big")
+            if number == _SCALE:
+                self.scale = value
+            elif number == _TIMESTAMP:
+                self.cluster = value
+            else:
+                self.tracks[-1][number] = value
+
+    def block(self, start: int) -> None:
+        """Note the time of a block."""
+        head = self.file.at(start, min(10, self.file.size - start))
+        track, length = _variable(head, 8, start)
+        time = self.cluster + self.file.numbers(">h", start + length)[0]
+        count, first, last = self.blocks.get(track - (1 << 7 * length), (0, time, time))
+        self.blocks[track - (1 << 7 * length)] = count + 1, min(first, time), max(last, time)
+
+    def film(self, live: bool) -> Film:
+        """What the file says of itself; a ``live`` recording must be as long as it says, if it does."""
+        declared = self.duration * self.scale / 1e9
+        seconds = max((last for _, _, last in self.blocks.values()), default=0) * self.scale / 1e9
+        if live and declared > seconds + _SLACK_S:
+            raise DamagedError(f"it holds {seconds:.1f} of {declared:.1f} seconds")
+        films = [track for track in self.tracks if track.get(_TYPE) == 1]
+        count, first, last = self.blocks.get(films[0].get(_NUMBER, -1) if films else -1, (0, 0, 0))
+        sizes = tuple((track.get(_WIDTH, 0), track.get(_HEIGHT, 0)) for track in films)
+        return Film("matroska,webm", sizes, count, (last - first) * self.scale / 1e9)
+
+
+def _walk_matroska(file: Window) -> Film:
+    """What a Matroska or WebM file says of itself; it must be whole.
+
+    Raises:
+        DamagedError: part of it is missing.
+        InputError: it is of another type.
+    """
+    _, start, end = _element(file, 0, file.size)
+    kinds = [file.at(s, min(8, e - s)) for n, s, e in file.walk(start, file.reach(end), _element) if n == _DOCTYPE]
+    if kinds[:1] not in ([b"matroska"], [b"webm"]):
+        raise InputError("is no Matroska or WebM video, though it begins like one; convert it to MP4 (H.264)")
+    number, start, stop = _element(file, end, file.size)
+    if number != _SEGMENT:
+        raise DamagedError(f"no segment begins at byte {end:,}")
+    live, recording = stop == start, _Recording(file)
+    for part in file.walk(start, file.reach(file.size if live else stop), _element, _MASTERS):
+        recording.note(*part)
+    return recording.film(live)
+
+
+_AVI_ENDLESS = 1 << 30  # the number of frames that FFmpeg leaves where it cannot go back to it
+
+
+def _walk_avi(file: Window) -> Film:
+    """An AVI file: every chunk must be there whole."""
+    streams: list[bytes] = []  # header of each stream
+    formats: list[bytes] = []
+    # By the stream's two digits: its chunks, those that are not empty, and the number of the last of these.
+    counts: dict[bytes, tuple[int, int, int]] = {}
+    position = 0
+    while position + 12 <= file.size:
+        kind, length, form = file.numbers("<4sI4s", position)
+        if kind != b"RIFF" or form not in (b"AVI ", b"AVIX"):
+            break  # what follows is no part of the video
+        begin = position + 12
+        position = file.reach(file.size if length in UNKNOWN_LENGTHS else position + 8 + length)
+        for kind, start, end in file.walk(begin, position, riff_chunk, (b"LIST",), 2):
             if kind in (b"strh", b"strf"):
-                (self.streams if kind == b"strh" else self.formats).append(self.file.at(start, min(length, 64)))
+                (streams if kind == b"strh" else formats).append(file.at(start, min(end - start, 64)))
             elif kind[:2].isdigit():
-                chunks, frames, last = self.counts.get(kind[:2], (0, 0, 0))
+                chunks, frames, last = counts.get(kind[:2], (0, 0, 0))
                 # An empty chunk repeats the frame before it.
-                self.counts[kind[:2]] = (chunks + 1, frames + 1, chunks) if length else (chunks + 1, frames, last)
-            position += length % 2
-        if position < end:
-            raise DamagedError("it ends within a header")
-        return end
+                counts[kind[:2]] = (chunks + 1, frames + 1, chunks) if end > start else (chunks + 1, frames, last)
+    sizes, first = [], (0, 0.0)
+    for number, header in enumerate(streams):
+        if header[:4] != b"vids" or len(header) < 48:
+            continue
+        scale, rate, _, declared = struct.unpack_from("<4I", header, 20)
+        chunks, frames, last = counts.get(b"%02d" % number, (0, 0, 0))
+        if chunks < declared < _AVI_ENDLESS:
+            raise DamagedError(f"it holds {chunks:,} of {declared:,} frames")
+        if not first[0] and rate:
+            first = frames, last * scale / rate
+        if len(formats) > number and len(formats[number]) >= 12:
+            width, height = struct.unpack_from("<ii", formats[number], 4)
+            sizes.append((abs(width), abs(height)))
+    return Film("avi", tuple(sizes), *first)
+
+
+def _packet(file: Window, position: int, end: int) -> Part:
+    """The pack or packet of an MPEG program stream at ``position``."""
+    prefix, code = file.numbers(">3sB", position)
+    if prefix != b"\0\0\1" or code < 0xB9:
+        raise DamagedError(f"no packet begins at byte {position:,}, where one should")
+    if code == 0xB9:
+        return code, position, position + 4
+    if code != 0xBA:
+        return code, position, position + 6 + file.numbers(">H", position + 4)[0]
+    modern = file.at(position, 5)[4] >> 6 == 1
+    return code, position, position + (14 + (file.at(position, 14)[13] & 7) if modern else 12)
 
 
 def _walk_program_stream(file: Window) -> Film:
     """An MPEG program stream: every pack and packet must be there whole."""
-    position = 0
-    while position < file.size:
-        prefix, code = file.numbers(">3sB", position)
-        if prefix != b"\0\0\1" or code < 0xB9:
-            raise DamagedError(f"no packet begins at byte {position:,}, where one should")
-        if code == 0xB9:
-            position = file.reach(position + 4)
-        elif code == 0xBA:
-            modern = file.at(position, 5)[4] >> 6 == 1
-            length = 14 + (file.at(position, 14)[13] & 7) if modern else 12
-            position = file.reach(position + length)
-        else:
-            position = file.reach(position + 6 + file.numbers(">H", position + 4)[0])
+    for _ in file.walk(0, file.size, _packet):
+        pass
     return Film("mpeg")
 
 
 _WALKS: tuple[tuple[re.Pattern[bytes], Callable[[Window], Film]], ...] = (
-    (re.compile(rb"RIFF.{4}AVI ", re.DOTALL), lambda file: _Avi(file).film()),
-    (re.compile(rb"\x1a\x45\xdf\xa3"), walk_matroska),
-    (re.compile(rb".{4}(?:%b)" % b"|".join(BOXES_FIRST), re.DOTALL), walk_mp4),
+    (re.compile(rb"RIFF.{4}AVI ", re.DOTALL), _walk_avi),
+    (re.compile(rb"\x1a\x45\xdf\xa3"), _walk_matroska),
+    (re.compile(rb".{4}(?:%b)" % b"|".join(_BOXES_FIRST), re.DOTALL), _walk_mp4),
     (re.compile(rb"\x00\x00\x01\xba"), _walk_program_stream),
 )
 """The walk over a file, by how it begins."""
@@ -130,7 +376,7 @@ def examine(handle: int) -> Film:
         DamagedError: part of it is missing.
         InputError: it is no video of a known format, or plays other files; the text lacks the file's name.
     """
-    file = Window(handle)
+    file = Window(handle, "video_parts")
     first = file.at(0, min(12, file.size))
     for begins, walk in _WALKS:
         if begins.match(first):

@@ -11,18 +11,20 @@ done here. Source of TIFF and BigTIFF: TIFF 6.0 (Adobe), and the BigTIFF design 
 
 from __future__ import annotations
 
+import contextlib
 import re
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.windows import DamagedError
+from lava_vpr.images.windows import DamagedError, Part, Window, riff_chunk
 from lava_vpr.storage.limits import within
 
 _WIDTH, _HEIGHT, _BITS, _COMPRESSION, _SAMPLES, _FORMAT = 256, 257, 258, 259, 277, 339
 _STRIPS, _STRIP_BYTES, _TILE_WIDTH, _TILE_HEIGHT, _TILES, _TILE_BYTES = 273, 279, 322, 323, 324, 325
+_ORIENTATION, _SHORT = 274, {3: "H"}
 _TYPES = {1: "B", 3: "H", 4: "I", 13: "I", 16: "Q", 18: "Q"}  # of whole numbers; others are not asked for
 # Strips compressed by LZW, JPEG or Deflate end in a code for the end or a checksum, never in so many zeros.
 _ENDED, _ZEROS = (5, 7, 8, 32946), 8
@@ -32,61 +34,27 @@ _ASKED = {_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _SAMPLES, _FORMAT, _STRIPS, _STR
 _ASKED |= {_TILE_WIDTH, _TILE_HEIGHT, _TILES, _TILE_BYTES}
 
 
-def _directory(data: bytes) -> dict[int, tuple[int, ...]]:
-    """The whole numbers of the first directory, by tag."""
-    order = "<" if data[:2] == b"II" else ">"
-    big = data[2:4] in (b"+\0", b"\0+")
-    position = struct.unpack_from(order + ("Q" if big else "I"), data, 8 if big else 4)[0]
-    if position + 8 > len(data):
-        raise DamagedError("it ends before its directory")
-    count = struct.unpack_from(order + ("Q" if big else "H"), data, position)[0]
-    position, size, field = (position + 8, 20, 8) if big else (position + 2, 12, 4)
-    if position + count * size > len(data):
-        raise DamagedError("it ends within its directory")
-    found: dict[int, tuple[int, ...]] = {}
-    for entry in range(position, position + count * size, size):
-        tag, kind, number = struct.unpack_from(order + ("HHQ" if big else "HHI"), data, entry)
-        if tag not in _ASKED or kind not in _TYPES or tag in found:
-            continue
-        within("image_parts", number)
-        length = number * struct.calcsize("<" + _TYPES[kind])
-        start = entry + size - field
-        if length > field:
-            start = struct.unpack_from(order + ("Q" if big else "I"), data, start)[0]
-        if start + length > len(data):
-            raise DamagedError("it ends within a table of its directory")
-        found[tag] = struct.unpack_from(f"{order}{number}{_TYPES[kind]}", data, start)
-    return found
-
-
-def walk_tiff(data: bytes) -> tuple[int, int]:
-    """Width and height of the first picture of a TIFF, or of a tile if that is larger; all its strips must be there.
+def _entries(
+    file: Window, asked: Collection[int], types: Mapping[int, str] = _TYPES
+) -> Iterator[tuple[int, tuple[int, ...]]]:
+    """The entries of the first directory that are ``asked`` for, by tag, and of these ``types``: tag and numbers.
 
     Raises:
-        DamagedError, struct.error: part of the file is missing.
-        InputError: its samples are no unsigned numbers of up to 16 bits.
+        DamagedError: one of them is not there.
     """
-    tags = _directory(data)
-    width, height = _first(tags, _WIDTH), _first(tags, _HEIGHT)
-    bits, form, samples = max(tags.get(_BITS) or (1,)), _first(tags, _FORMAT, 1), _first(tags, _SAMPLES, 1)
-    if form in _FORMATS and (bits > 16 or form > 1):
-        kind = "float32" if _first(tags, _COMPRESSION) in _SGI_LOG else f"{_FORMATS[form]}{bits}"
-        raise InputError(f"holds {kind} samples, whose range is unknown; save it with 8 or 16 bits, unsigned")
-    if form not in _FORMATS or samples > 4:
-        raise InputError(f"holds {samples} unknown samples a pixel; save it as grey or colour with 8 or 16 bits")
-    for offsets, lengths in ((_STRIPS, _STRIP_BYTES), (_TILES, _TILE_BYTES)):
-        for start, length in zip(tags.get(offsets, ()), tags.get(lengths, ()), strict=False):
-            if start + length > len(data):
-                raise DamagedError(f"it has {len(data):,} of {start + length:,} bytes")
-            if _first(tags, _COMPRESSION, 1) in _ENDED and data[start : start + length].endswith(bytes(_ZEROS)):
-                raise DamagedError("zeros stand where a picture was")
-    tile_width, tile_height = _first(tags, _TILE_WIDTH), _first(tags, _TILE_HEIGHT)
-    return (tile_width, tile_height) if tile_width * tile_height > width * height else (width, height)
-
-
-def _first(tags: dict[int, tuple[int, ...]], tag: int, otherwise: int = 0) -> int:
-    """The first number of a tag."""
-    return (tags.get(tag) or (otherwise,))[0]
+    order = "<" if file.at(0, 2) == b"II" else ">"
+    big = file.at(2, 2) in (b"+\0", b"\0+")
+    (position,) = file.numbers(order + ("Q" if big else "I"), 8 if big else 4)
+    (count,) = file.numbers(order + ("Q" if big else "H"), position)
+    position, size, field = (position + 8, 20, 8) if big else (position + 2, 12, 4)
+    for entry in range(position, position + count * size, size):
+        tag, kind, number = file.numbers(order + ("HHQ" if big else "HHI"), entry)
+        if tag in asked and kind in types:
+            within("image_parts", number)
+            layout, start = f"{order}{number}{types[kind]}", entry + size - field
+            if struct.calcsize(layout) > field:
+                (start,) = file.numbers(order + ("Q" if big else "I"), start)
+            yield tag, file.numbers(layout, start)
 
 
 _NEEDED = {b"VP8 ": 6, b"VP8L": 4}
@@ -113,7 +81,7 @@ class Header:
     shortened: bytes = b""
 
 
-def _walk_jpeg(data: bytes) -> Header:
+def _walk_jpeg(data: bytes, file: Window) -> Header:
     """A JPEG; the walk must meet a frame header, a scan and the end-of-image marker."""
     exif, position, scans, width, height = b"", 2, 0, 0, 0
     marker = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
@@ -128,13 +96,11 @@ def _walk_jpeg(data: bytes) -> Header:
             return Header(width, height, data, exif)
         if code == 0x01:
             continue
-        if position + 2 > len(data):
-            raise DamagedError("it ends within a header")
-        length = struct.unpack_from(">H", data, position)[0]
+        (length,) = file.numbers(">H", position)
         if code == 0xE1 and not exif and data[position + 2 : position + 8] == b"Exif\0\0":
             exif = data[position + 8 : position + length]
         if 0xC0 <= code <= 0xCF and code not in (0xC4, 0xC8, 0xCC):
-            high, wide = struct.unpack_from(">HH", data, position + 3)
+            high, wide = file.numbers(">HH", position + 3)
             width, height = max(width, wide), max(height, high)
         if code == 0xDA:
             scans += 1
@@ -142,104 +108,117 @@ def _walk_jpeg(data: bytes) -> Header:
         position += length
 
 
-def _walk_png(data: bytes) -> Header:
+def _png_chunk(file: Window, position: int, end: int) -> Part:
+    """A chunk of a PNG, with its checksum."""
+    length, kind = file.numbers(">I4s", position)
+    return kind, position + 8, position + 12 + length
+
+
+def _walk_png(data: bytes, file: Window) -> Header:
     """A PNG; all chunks up to IEND must be there, and the critical ones intact."""
-    exif, position, parts, texts = b"", 8, 0, [(0, 0)]
-    width, height = struct.unpack_from(">II", data, 16)
-    while True:
-        if position + 12 > len(data):
-            raise DamagedError("it ends before its IEND chunk")
-        length, kind = struct.unpack_from(">I4s", data, position)
-        end = position + 12 + length
-        if end > len(data):
-            raise DamagedError("it ends within a chunk")
-        if (kind == b"IHDR") != (position == 8):
+    exif, texts = b"", [(0, 0)]
+    width, height = file.numbers(">II", 16)
+    for kind, start, end in file.walk(8, file.size, _png_chunk):
+        if (kind == b"IHDR") != (start == 16):
             raise DamagedError("its IHDR chunk is not the first")
         critical = not kind[0] & 0x20
-        if critical and zlib.crc32(data[position + 4 : end - 4]) != struct.unpack_from(">I", data, end - 4)[0]:
+        if critical and zlib.crc32(data[start - 4 : end - 4]) != file.numbers(">I", end - 4)[0]:
             raise DamagedError(f"the checksum of its {kind.decode('latin-1')!r} chunk is wrong")
         if kind == b"eXIf":
-            exif = data[position + 8 : end - 4]
+            exif = data[start : end - 4]
         if kind in _PNG_TEXTS:
-            texts.append((position, end))
+            texts.append((start - 8, end))
         if kind == b"IEND":
             starts = [*(start for start, _ in texts[1:]), len(data)]
             pieces = [data[last:start] for (_, last), start in zip(texts, starts, strict=True)]
             return Header(width, height, b"".join(pieces) if len(pieces) > 1 else data, exif)
-        parts += 1
-        within("image_parts", parts)
-        position = end
+    raise DamagedError("it ends before its IEND chunk")
 
 
-def _walk_webp(data: bytes) -> Header:
+def _walk_webp(data: bytes, file: Window) -> Header:
     """A WebP; the chunks must fill the length that its RIFF header says."""
-    end = 8 + struct.unpack_from("<I", data, 4)[0]
-    if end > len(data):
-        raise DamagedError(f"it has {len(data)} of {end} bytes")
-    exif, position, width, height, shortened, parts = b"", 12, 0, 0, b"", 0
-    while position + 8 <= end:
-        kind, length = struct.unpack_from("<4sI", data, position)
-        start = position + 8
-        if start + length > end:
-            raise DamagedError("a part reaches beyond the file")
-        if not all(0x20 <= c < 0x7F for c in kind):
-            raise DamagedError(f"no part begins at byte {position:,}, where one should")
+    exif, width, height, shortened = b"", 0, 0, b""
+    for kind, start, end in file.walk(12, file.reach(8 + file.numbers("<I", 4)[0]), riff_chunk, align=2):
         if kind == b"EXIF":
-            exif = data[start : start + length].removeprefix(b"Exif\0\0")
+            exif = data[start:end].removeprefix(b"Exif\0\0")
         elif kind in (b"VP8 ", b"VP8L", b"VP8X"):
-            wide, high = _webp_size(kind, data, start)
+            wide, high = _webp_size(kind, file, start)
             width, height = max(width, wide), max(height, high)
-            zeros = _NEEDED.get(kind, length + 1)
-            if data[start : start + length].endswith(bytes(zeros)):
-                rest = data[start : start + length - zeros]
+            zeros = _NEEDED.get(kind, end - start + 1)
+            if data[start:end].endswith(bytes(zeros)):
+                rest = data[start : end - zeros]
                 parted = kind + struct.pack("<I", len(rest)) + rest + bytes(len(rest) % 2)
                 shortened = b"RIFF" + struct.pack("<I", 4 + len(parted)) + b"WEBP" + parted
-        parts += 1
-        within("image_parts", parts)
-        position = start + length + length % 2
     return Header(width, height, data, exif, shortened)
 
 
-def _webp_size(kind: bytes, data: bytes, start: int) -> tuple[int, int]:
+def _webp_size(kind: bytes, file: Window, start: int) -> tuple[int, int]:
     """Width and height that a part of a WebP gives. Source: RFC 9649 and RFC 6386, section 9.1."""
     if kind == b"VP8X":
-        sides = (data[start + 4 : start + 7], data[start + 7 : start + 10])
-        return 1 + int.from_bytes(sides[0], "little"), 1 + int.from_bytes(sides[1], "little")
+        return 1 + int.from_bytes(file.at(start + 4, 3), "little"), 1 + int.from_bytes(file.at(start + 7, 3), "little")
     if kind == b"VP8L":
-        bits = struct.unpack_from("<I", data, start + 1)[0]
+        (bits,) = file.numbers("<I", start + 1)
         return 1 + (bits & 0x3FFF), 1 + (bits >> 14 & 0x3FFF)
-    width, height = struct.unpack_from("<HH", data, start + 6)
+    width, height = file.numbers("<HH", start + 6)
     return width & 0x3FFF, height & 0x3FFF
 
 
-def _walk_bmp(data: bytes) -> Header:
+def _walk_bmp(data: bytes, file: Window) -> Header:
     """A BMP; an uncompressed one must have all its rows, a run-length coded one its end."""
-    if len(data) < 34:
-        raise DamagedError("it ends within its header")
-    offset, header = struct.unpack_from("<II", data, 10)
+    offset, header = file.numbers("<II", 10)
+    compression = length = 0
     if header < 40:
-        width, height, _, depth = struct.unpack_from("<HHHH", data, 18)
-        compression, length = 0, 0
+        width, height, _, depth = file.numbers("<HHHH", 18)
     else:
-        width, height, _, depth, compression, length = struct.unpack_from("<iiHHII", data, 18)
-    needed = offset + (abs(width) * depth + 31) // 32 * 4 * abs(height)
-    if compression in (0, 3) and needed > len(data):
-        raise DamagedError(f"it has {len(data)} of {needed} bytes")
+        width, height, _, depth, compression, length = file.numbers("<iiHHII", 18)
+    if compression in (0, 3):
+        file.reach(offset + (abs(width) * depth + 31) // 32 * 4 * abs(height))
     if compression in (1, 2):
-        if offset + length > len(data):
-            raise DamagedError(f"it has {len(data)} of {offset + length} bytes")
+        file.reach(offset + length)
         end = data[offset : offset + length if length else None].rstrip(b"\0")
         if not end.endswith(b"\0\1"):
             raise DamagedError("it lacks the end of its runs")
     return Header(abs(width), abs(height), data)
 
 
-_WALKERS: tuple[tuple[re.Pattern[bytes], Callable[[bytes], Header]], ...] = (
+def _walk_tiff(data: bytes, file: Window) -> Header:
+    """A TIFF, of the size of its first picture, or of a tile if that is larger; all its strips must be there.
+
+    Raises:
+        DamagedError: part of the file is missing.
+        InputError: its samples are no unsigned numbers of up to 16 bits.
+    """
+    tags = dict(reversed([*_entries(file, _ASKED)]))  # of equal ones the first
+    width, height = _first(tags, _WIDTH), _first(tags, _HEIGHT)
+    bits, form, samples = max(tags.get(_BITS) or (1,)), _first(tags, _FORMAT, 1), _first(tags, _SAMPLES, 1)
+    if form in _FORMATS and (bits > 16 or form > 1):
+        kind = "float32" if _first(tags, _COMPRESSION) in _SGI_LOG else f"{_FORMATS[form]}{bits}"
+        raise InputError(f"holds {kind} samples, whose range is unknown; save it with 8 or 16 bits, unsigned")
+    if form not in _FORMATS or samples > 4:
+        raise InputError(f"holds {samples} unknown samples a pixel; save it as grey or colour with 8 or 16 bits")
+    for offsets, lengths in ((_STRIPS, _STRIP_BYTES), (_TILES, _TILE_BYTES)):
+        for start, length in zip(tags.get(offsets, ()), tags.get(lengths, ()), strict=False):
+            if start + length > len(data):
+                raise DamagedError(f"it has {len(data):,} of {start + length:,} bytes")
+            if _first(tags, _COMPRESSION, 1) in _ENDED and data[start : start + length].endswith(bytes(_ZEROS)):
+                raise DamagedError("zeros stand where a picture was")
+    tile_width, tile_height = _first(tags, _TILE_WIDTH), _first(tags, _TILE_HEIGHT)
+    if tile_width * tile_height > width * height:
+        width, height = tile_width, tile_height
+    return Header(width, height, data)  # its decoder turns the picture
+
+
+def _first(tags: dict[int, tuple[int, ...]], tag: int, otherwise: int = 0) -> int:
+    """The first number of a tag."""
+    return (tags.get(tag) or (otherwise,))[0]
+
+
+_WALKERS: tuple[tuple[re.Pattern[bytes], Callable[[bytes, Window], Header]], ...] = (
     (re.compile(rb"\xff\xd8\xff"), _walk_jpeg),
     (re.compile(rb"\x89PNG\r\n\x1a\n"), _walk_png),
     (re.compile(rb"RIFF.{4}WEBP", re.DOTALL), _walk_webp),
     (re.compile(rb"BM"), _walk_bmp),
-    (re.compile(rb"II[*+]\0|MM\0[*+]"), lambda data: Header(*walk_tiff(data), data)),  # its decoder turns the picture
+    (re.compile(rb"II[*+]\0|MM\0[*+]"), _walk_tiff),
 )
 """What walks over a file, by how it begins."""
 
@@ -248,30 +227,21 @@ def walk(data: bytes) -> Header:
     """What an image file says of its picture; its format's own structure shows that it is whole.
 
     Raises:
-        DamagedError, struct.error: part of the file is missing or damaged.
+        DamagedError: part of the file is missing or damaged.
         InputError: no known format, or it costs more than allowed.
     """
     walker = next((walker for begins, walker in _WALKERS if begins.match(data)), None)
     if walker is None:
         raise InputError("is not a JPEG, PNG, BMP, TIFF or WebP image, whatever its name says; replace or remove it")
-    found = walker(data)
+    found = walker(data, Window(data, "image_parts"))
     within("image_pixels", found.width * found.height, f"has {found.width} x {found.height} =")
     return found
 
 
 def orientation_of(exif: bytes) -> int:
     """The EXIF orientation 1..8; 1 (upright) where there is none or it makes no sense."""
-    order = {b"II*\0": "<", b"MM\0*": ">"}.get(exif[:4])
-    if order is None or len(exif) < 8:
-        return 1
-    start = struct.unpack_from(order + "I", exif, 4)[0]
-    if start + 2 > len(exif):
-        return 1
-    for k in range(struct.unpack_from(order + "H", exif, start)[0]):
-        entry = start + 2 + 12 * k
-        if entry + 12 > len(exif):
-            return 1
-        tag, kind, count, value = struct.unpack_from(order + "HHIH", exif, entry)
-        if tag == 0x0112:
-            return int(value) if kind == 3 and count == 1 and 1 <= value <= 8 else 1
+    if exif[:4] in (b"II*\0", b"MM\0*"):
+        with contextlib.suppress(DamagedError, InputError):
+            for _, numbers in _entries(Window(exif, "image_parts"), (_ORIENTATION,), _SHORT):
+                return numbers[0] if len(numbers) == 1 and 1 <= numbers[0] <= 8 else 1
     return 1

@@ -14,7 +14,6 @@ import contextlib
 import io
 import os
 import re
-import struct
 import tempfile
 import threading
 import time
@@ -100,9 +99,8 @@ def decode_image(data: bytes) -> NDArray[np.uint8]:
             raise DamagedError("part of its picture data is missing")
         if header.shortened and _decoded(header.shortened)[0] is not None:
             raise DamagedError("zeros stand where a picture was")
-    except (DamagedError, struct.error) as error:
-        why = str(error) if isinstance(error, DamagedError) else "it ends within its header"
-        raise InputError(f"is damaged or cut short ({why}); copy it again or remove it") from None
+    except DamagedError as error:
+        raise InputError(f"is damaged or cut short ({error}); copy it again or remove it") from None
     if min(image.shape[:2]) < MIN_SIDE:
         raise InputError(f"has {image.shape[1]} x {image.shape[0]} pixels, needs at least {MIN_SIDE} x {MIN_SIDE}")
     if image.dtype == np.uint16:

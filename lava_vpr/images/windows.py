@@ -1,9 +1,10 @@
-"""A view into a large file by position: what is asked for must be there whole, and the parts of a file are counted."""
+"""A view of a file by position: what is asked for must be there whole, and its parts are walked and counted."""
 
 from __future__ import annotations
 
 import os
 import struct
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,17 +32,21 @@ class Film:
     span: float = 0.0
 
 
+Part = tuple[Any, int, int]
+"""A part of a file: its kind, and where its content begins and ends."""
+
+
 class Window:
-    """An open file.
+    """A file, open or in memory.
 
     Args:
-        handle: The descriptor of a regular file.
+        content: The descriptor of a regular file, or all its bytes.
+        counted: The limit on its parts.
     """
 
-    def __init__(self, handle: int) -> None:
-        self.handle = handle
-        self.size = os.fstat(handle).st_size
-        self.parts = 0
+    def __init__(self, content: int | bytes, counted: str) -> None:
+        self.content, self.counted, self.parts = content, counted, 0
+        self.size = os.fstat(content).st_size if isinstance(content, int) else len(content)
 
     def at(self, position: int, length: int) -> bytes:
         """``length`` bytes from ``position`` on.
@@ -49,7 +54,10 @@ class Window:
         Raises:
             DamagedError: the file ends before.
         """
-        data = os.pread(self.handle, length, position) if position + length <= self.size else b""
+        data = b""
+        if position + length <= self.size:
+            held = self.content
+            data = os.pread(held, length, position) if isinstance(held, int) else held[position : position + length]
         if len(data) < length:
             raise DamagedError(f"it ends after {self.size:,} bytes, within a header")
         return data
@@ -73,5 +81,63 @@ class Window:
         if beyond is not None and end > beyond:
             raise DamagedError("a part reaches beyond the part around it")
         self.parts += 1
-        within("video_parts", self.parts)
+        within(self.counted, self.parts)
         return end
+
+    def walk(
+        self,
+        position: int,
+        end: int,
+        header: Callable[[Window, int, int], Part],
+        entered: Collection[Any] = (),
+        align: int = 1,
+    ) -> Iterator[Part]:
+        """The parts that fill the file from ``position`` to ``end``, in its order; those within another follow it.
+
+        Args:
+            position, end: Where the first begins and the last ends.
+            header: Reads the header at a position of a part within one that ends at another. A part of unknown length
+                is told as an empty one: what is in it follows.
+            entered: Kinds of parts whose contents are parts themselves.
+            align: Bytes of which each part takes a multiple.
+        Raises:
+            DamagedError: a part is not whole, or reaches beyond the part around it.
+            InputError: as `reach`.
+        """
+        around = [(end, end)]  # where each part ends that is walked, and where the next one begins
+        while around:
+            if position >= around[-1][0]:
+                position = around.pop()[1]
+                continue
+            kind, start, stop = header(self, position, around[-1][0])
+            self.reach(stop, around[-1][0])
+            yield kind, start, stop
+            position = stop + (start - stop) % align
+            if kind in entered:
+                around.append((stop, position))
+                position = start
+
+
+def printable(kind: bytes, position: int) -> bytes:
+    """``kind``, four characters that name a kind of part.
+
+    Raises:
+        DamagedError: they are none: no part begins at ``position``.
+    """
+    if not all(0x20 <= c < 0x7F or c == 0xA9 for c in kind):
+        raise DamagedError(f"no part begins at byte {position:,}, where one should")
+    return kind
+
+
+def riff_chunk(file: Window, position: int, end: int) -> Part:
+    """A chunk of a RIFF file, AVI or WebP; of a list, what follows its form. That of an endless recording is empty."""
+    kind, length = file.numbers("<4sI", position)
+    start, stop = position + 8, position + 8 + length
+    if printable(kind, position) == b"LIST":
+        start += 4
+        stop = start if length in UNKNOWN_LENGTHS and file.at(start - 4, 4) == b"movi" else stop
+    return kind, start, stop
+
+
+UNKNOWN_LENGTHS = (0, 0xFFFFFFFF)
+"""Lengths that a writer of RIFF leaves which cannot go back to them."""

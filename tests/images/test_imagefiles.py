@@ -193,7 +193,7 @@ def test_our_own_walk_finds_every_cut(kind: str) -> None:
     # Some OpenCV versions return half a picture and no error.
     data = _WHOLE[kind]
     for length in range(60, len(data), len(data) // 40):
-        with pytest.raises((DamagedError, struct.error)):
+        with pytest.raises(DamagedError):
             walk(data[:length])
 
 
