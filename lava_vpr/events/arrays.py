@@ -10,7 +10,9 @@ from __future__ import annotations
 import contextlib
 import warnings
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -42,32 +44,59 @@ _GROUPS = ("events", "CD", "")
 _KEEP_IT = "convert it to events/t, events/x and events/y"
 
 
-def is_hdf5(path: Path) -> bool:
-    """Whether the HDF5 file ``path`` holds events in a layout that is known; False, too, if it cannot be opened."""
-    with contextlib.suppress(InputError), _opened(path) as file:
-        return _found(file, shown(path)) is not None
+class Holder(NamedTuple):
+    """An opened file of arrays.
+
+    Attributes:
+        names: What it holds, for a message.
+        parts: Finds the arrays of times, columns and rows; None: there are none.
+        size: Width and height of the sensor of these, if the file tells them.
+        start_s: Seconds to be added to the times.
+        take: Gives so many elements of an array, from the one with this number on; they are taken in turn.
+        remedy: What to do about a file without events.
+    """
+
+    names: Callable[[], str]
+    parts: Callable[[], Parts | None]
+    size: Callable[[Parts], tuple[int, int] | None]
+    start_s: Callable[[], float]
+    take: Callable[[Any, int, int], Any]
+    remedy: str
+
+
+Opened = Callable[[Path], AbstractContextManager[Holder]]
+
+
+def holds(opened: Opened, path: Path) -> bool:
+    """Whether the file ``path`` holds events in a layout that is known; False, too, if it cannot be opened."""
+    with contextlib.suppress(InputError), opened(path) as file:
+        return file.parts() is not None
     return False
 
 
-def open_hdf5(path: Path) -> EventRecording:
-    """The events of an HDF5 file.
+def open_arrays(opened: Opened, path: Path) -> EventRecording:
+    """The events of a file of arrays.
 
     Raises:
         InputError: it is damaged, holds no events, or more than the limits allow.
     """
-    with _opened(path) as file:
-        parts = _found(file, shown(path))
+    with opened(path) as file:
+        parts = file.parts()
         if parts is None:
-            held = ", ".join(brief(name) for name in list(file)[:10]) or "nothing"
-            raise InputError(f"{shown(path)}: holds no events (at its top: {held}); {_KEEP_IT}")
-        size = _size(file, parts[0][0], shown(path))
-        start_s = _offset(file, shown(path))
-    return EventRecording(path, lambda: _blocks(path), size, start_s)
+            raise InputError(f"{shown(path)}: holds no events ({file.names()}); {file.remedy}")
+        return EventRecording(path, lambda: _blocks(opened, path), file.size(parts), file.start_s())
+
+
+def _blocks(opened: Opened, path: Path) -> Iterator[Raw]:
+    """The events, some at a time."""
+    with opened(path) as file:
+        parts = file.parts() or []
+        yield from in_blocks(parts, len(parts[0][0]) if parts else 0, file.take)
 
 
 @contextlib.contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """The opened file; what goes wrong in h5py, which raises anything of a damaged file, is told in one line."""
+def hdf5(path: Path) -> Iterator[Holder]:
+    """An opened HDF5 file; what goes wrong in h5py, which raises anything of a damaged file, is told in one line."""
     import h5py  # here: most commands read no HDF5, and it takes a tenth of a second
 
     try:
@@ -75,7 +104,14 @@ def _opened(path: Path) -> Iterator[Any]:
             import hdf5plugin  # noqa: F401  # compressions that h5py lacks, where it is installed
 
         with h5py.File(path, "r", locking=False) as file:
-            yield file
+            yield Holder(
+                lambda: "at its top: " + (", ".join(brief(name) for name in list(file)[:10]) or "nothing"),
+                partial(_found, file, shown(path)),
+                partial(_size, file, shown(path)),
+                partial(_offset, file, shown(path)),
+                lambda dataset, first, count: dataset[first : first + count],
+                _KEEP_IT,
+            )
     except InputError:
         raise
     except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
@@ -124,8 +160,9 @@ def _check(dataset: Any, where: str) -> None:
         raise InputError(f"{where}: has rows of {size} bytes in {name}; {_KEEP_IT}")
 
 
-def _size(file: Any, times: Any, where: str) -> tuple[int, int] | None:
+def _size(file: Any, where: str, parts: Parts) -> tuple[int, int] | None:
     """Width and height of the sensor, where attributes of the file, its groups or datasets tell it."""
+    times = parts[0][0]
     for holder in (times, times.parent, file):
         for names in (("width", "height"), ("sensor_width", "sensor_height")):
             # A text is not even read: from one that is damaged the HDF5 library may not return.
@@ -153,59 +190,44 @@ def _offset(file: Any, where: str) -> float:
     return 0.0
 
 
-def _blocks(path: Path) -> Iterator[Raw]:
-    """The events, some at a time."""
-    with _opened(path) as file:
-        parts = _found(file, shown(path)) or []
-        yield from in_blocks(
-            parts, len(parts[0][0]) if parts else 0, lambda dataset, first, count: dataset[first : first + count]
-        )
-
-
 NPZ_SUFFIXES = (".npz",)
 _SAVE_IT = "save arrays t, x and y with numpy.savez"
 
 
-class _Member(NamedTuple):
-    """An array of the archive: its name in it, type and length, and where its numbers begin."""
+@dataclass(frozen=True)
+class _Member:
+    """An array of the archive: its name in it, type and length."""
 
     name: str
     dtype: np.dtype[Any]
     length: int
 
-
-def is_npz(path: Path) -> bool:
-    """Whether the archive ``path`` holds events; False, too, if it cannot be opened."""
-    with contextlib.suppress(InputError), _opened_npz(path) as archive:
-        return _found_npz(_members(archive)) is not None
-    return False
-
-
-def open_npz(path: Path) -> EventRecording:
-    """The events of an ``.npz`` file.
-
-    Raises:
-        InputError: it is damaged, holds no events, or more than the limits allow.
-    """
-    with _opened_npz(path) as archive:
-        members = _members(archive)
-        parts = _found_npz(members)
-        if parts is None:
-            held = ", ".join(brief(name) for name in sorted(members)[:10]) or "nothing"
-            raise InputError(f"{shown(path)}: holds no events (but {held}); {_SAVE_IT}")
-        check_lengths([member.length for member, _ in parts], shown(path))
-        for number, name in ((parts[0][0].length, "events"), (BLOCK * parts[0][0].dtype.itemsize, "event_chunk_bytes")):
-            within(name, number, f"{shown(path)}: has")
-        size = _size_npz(archive, members, shown(path))
-    return EventRecording(path, lambda: _npz_blocks(path), size)
+    def __len__(self) -> int:
+        return self.length
 
 
 @contextlib.contextmanager
-def _opened_npz(path: Path) -> Iterator[zipfile.ZipFile]:
-    """The opened archive; what goes wrong in it is told in one line."""
+def npz(path: Path) -> Iterator[Holder]:
+    """An opened ``.npz`` file; what goes wrong in it is told in one line."""
     try:
-        with open_regular(path) as file, zipfile.ZipFile(file) as archive:
-            yield archive
+        with open_regular(path) as file, zipfile.ZipFile(file) as archive, contextlib.ExitStack() as stack:
+            members = _members(archive)
+            streams: dict[str, Any] = {}
+
+            def take(member: _Member, first: int, count: int) -> NDArray[Any]:
+                if member.name not in streams:
+                    streams[member.name] = stack.enter_context(archive.open(member.name))
+                    _header(streams[member.name])
+                return _next(streams[member.name], member, count)
+
+            yield Holder(
+                lambda: "but " + (", ".join(brief(name) for name in sorted(members)[:10]) or "nothing"),
+                lambda: in_tables(members.values()) or apart(members.get),
+                partial(_size_npz, members, take, shown(path)),
+                lambda: 0.0,
+                take,
+                _SAVE_IT,
+            )
     except InputError:
         raise
     except OSError as error:
@@ -241,19 +263,17 @@ def _header(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
     return shape, dtype
 
 
-def _found_npz(members: dict[str, _Member]) -> Parts | None:
-    """The members with times, columns and rows; None: there are none."""
-    return in_tables(members.values()) or apart(members.get)
-
-
-def _size_npz(archive: zipfile.ZipFile, members: dict[str, _Member], where: str) -> tuple[int, int] | None:
-    """Width and height of the sensor, if the archive has an array ``size`` of the two."""
+def _size_npz(
+    members: dict[str, _Member], take: Callable[[_Member, int, int], NDArray[Any]], where: str, parts: Parts
+) -> tuple[int, int] | None:
+    """Width and height of the sensor, if the archive has an array ``size`` of the two; its events are within limits."""
+    check_lengths([len(member) for member, _ in parts], where)
+    for number, name in ((len(parts[0][0]), "events"), (BLOCK * parts[0][0].dtype.itemsize, "event_chunk_bytes")):
+        within(name, number, f"{where}: has")
     member = members.get("size")
-    if member is None or member.length != 2 or member.dtype.kind not in "iu":
+    if member is None or len(member) != 2 or member.dtype.kind not in "iu":
         return None
-    with archive.open(member.name) as stream:
-        _header(stream)
-        width, height = _next(stream, member, 2).tolist()
+    width, height = take(member, 0, 2).tolist()
     return check_size((width, height), where)
 
 
@@ -263,17 +283,3 @@ def _next(stream: BinaryIO | Any, member: _Member, count: int) -> NDArray[Any]:
     if len(data) < count * member.dtype.itemsize:
         raise ValueError(f"{member.name} ends early")
     return np.frombuffer(data, member.dtype)
-
-
-def _npz_blocks(path: Path) -> Iterator[Raw]:
-    """The events, some at a time."""
-    with _opened_npz(path) as archive, contextlib.ExitStack() as stack:
-        parts = _found_npz(_members(archive)) or []
-        streams = {member.name: stack.enter_context(archive.open(member.name)) for member, _ in parts}
-        for stream in streams.values():
-            _header(stream)
-        yield from in_blocks(
-            parts,
-            parts[0][0].length if parts else 0,
-            lambda member, first, count: _next(streams[member.name], member, count),
-        )

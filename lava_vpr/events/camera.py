@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.events.kernels import NEVER, rest
+from lava_vpr.events.windows import NEVER, rest
 from lava_vpr.storage.writing import write_atomically
 
 _DARK = 10.0  # grey levels that a pixel sees without light: its dark current

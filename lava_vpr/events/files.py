@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
 from lava_vpr.events.aedat4 import AEDAT4_SUFFIXES, EVENT, open_aedat4
-from lava_vpr.events.arrays import HDF5_SUFFIXES, NPZ_SUFFIXES, is_hdf5, is_npz, open_hdf5, open_npz
+from lava_vpr.events.arrays import HDF5_SUFFIXES, NPZ_SUFFIXES, hdf5, holds, npz, open_arrays
 from lava_vpr.events.stream import EventRecording, Raw, check_size, checked
 from lava_vpr.events.windows import Windows, hot_pixels
 from lava_vpr.images.sampling import Sample
@@ -43,8 +43,8 @@ class EventFormat(NamedTuple):
 
 FORMATS = (
     EventFormat(AEDAT4_SUFFIXES, lambda path: True, open_aedat4),
-    EventFormat(HDF5_SUFFIXES, is_hdf5, open_hdf5),
-    EventFormat(NPZ_SUFFIXES, is_npz, open_npz),
+    EventFormat(HDF5_SUFFIXES, partial(holds, hdf5), partial(open_arrays, hdf5)),
+    EventFormat(NPZ_SUFFIXES, partial(holds, npz), partial(open_arrays, npz)),
 )
 EVENT_SUFFIXES = tuple(suffix for one in FORMATS for suffix in one.suffixes)
 

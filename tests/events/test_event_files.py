@@ -342,7 +342,11 @@ def test_an_archive_packed_otherwise_than_by_numpy_is_refused(method: int, tmp_p
 
 @pytest.mark.parametrize(
     "header",
-    ["{'descr': '<i8', 'shape': (3,", "(" * 4000, "[" * 4000, "-" * 9000 + "1", "{'descr': '<q9'}", "\0\n", "1L"],
+    [
+        *("{'descr': '<i8', 'shape': (3,", "(" * 4000, "[" * 4000, "-" * 9000 + "1", "{'descr': '<q9'}", "\0\n", "1L"),
+        "{'descr': '<04', 'fortran_order': False, 'shape': (3,)}",
+        "{'descr': '<i8', b'fortran_order': False, 'shape': (3,)}",
+    ],
 )
 def test_a_header_that_is_cut_or_nested_is_refused(header: str, tmp_path: Path) -> None:
     """NumPy reads it as Python; the checksum would come after it."""
