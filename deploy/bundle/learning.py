@@ -107,7 +107,7 @@ def _stretch_learning(model: Model, stretch: Stretch, rates: NDArray[np.uint16])
         places = f"{stretch.first_place}:{stretch.first_place + stretch.places}"
         raise ConfigError(f"{PURPOSE} needs neurons, but those of places {places} went with removed ones; train anew")
     if learning.rule != "stdp":
-        raise ConfigError(f"{PURPOSE} needs weights that were learned, not templates; train with --learning integer")
+        raise ConfigError(f"{PURPOSE} takes rule stdp alone, not {learning.rule}; train with --learning integer")
     inputs, spikes = config.encoder.inputs, config.encoder.train_spikes
     views, references = len(config.views.views), len(model.labels) // model.places
     shown = [

@@ -59,9 +59,7 @@ def test_every_place_takes_one_neuron() -> None:
 
 
 def test_a_chip_has_nothing_to_learn() -> None:
-    with pytest.raises(
-        ConfigError, match=r"^learning on the chip needs weights that were learned, not templates; train"
-    ):
+    with pytest.raises(ConfigError, match=r"^learning on the chip takes rule stdp alone, not template; train with --"):
         chip_learning(train([encoded()], templates()))
 
 
