@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -18,7 +18,7 @@ from lava_vpr.deploy.registers import rebuilding
 from lava_vpr.deploy.registers.core_images import CoreImage, HostTables
 from lava_vpr.deploy.registers.simulator import Chips
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
-from lava_vpr.errors import BundleError, ModelFileError, brief
+from lava_vpr.errors import BundleError, LavaVprError, ModelFileError, brief
 from lava_vpr.loihi import WEIGHT_BITS
 from lava_vpr.settings.ranges import whole
 from lava_vpr.storage.arrays import Shape
@@ -71,13 +71,17 @@ class BundlePlayer(Protocol):
 
 def network_files(plan: Plan) -> dict[str, bytes]:
     """Files of a bundle that hold the network of ``plan``, by name."""
+    return files_of(registers.core_images(plan), registers.host_tables(plan))
+
+
+def files_of(images: Iterable[CoreImage], tables: HostTables) -> dict[str, bytes]:
+    """Files of a bundle that hold the content of all cores, and where spikes go in and out of them, by name."""
     files = {}
-    for image in registers.core_images(plan):
+    for image in images:
         folder = f"{CORES}/chip{image.chip}-core{image.core:03d}"
         files[f"{folder}/registers.json"] = json_bytes(image.registers)
         for name in CORE_ARRAYS:
             files[f"{folder}/{name}.npy"] = array_bytes(getattr(image, name))
-    tables = registers.host_tables(plan)
     return files | {HOST_TABLE.format(name): array_bytes(getattr(tables, name)) for name in HOST_TABLES}
 
 
@@ -151,11 +155,16 @@ def network(bundle: ReadBundle) -> FixedNetwork:
     Raises:
         BundleError: a file is missing or of the wrong kind, or differs from what this version writes of that network.
     """
-    parts = core_images(bundle), host_tables(bundle)
+    parts, numbers = (core_images(bundle), host_tables(bundle)), scalars(bundle)
     try:
-        return rebuilding.network_of(*parts, scalars(bundle), BOARDS[bundle.target])
+        plan = rebuilding.plan_of(*parts, numbers, BOARDS[bundle.target])
+        files = network_files(plan)
     except ModelFileError as error:
         raise BundleError(f"{bundle.at(CORES)}: {error}") from None
+    except (LookupError, ValueError, TypeError, OverflowError, LavaVprError) as error:
+        raise BundleError(f"{bundle.at(CORES)}: hold no network of ours ({error}); {AGAIN}") from None
+    bundle.demand(files)
+    return plan.network
 
 
 def player(bundle: ReadBundle) -> BundlePlayer:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -12,18 +11,11 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Plan, PopulationPart
-from lava_vpr.deploy.registers.core_images import (
-    POPULATIONS,
-    CoreImage,
-    HostTables,
-    core_images,
-    host_tables,
-    members_of,
-)
+from lava_vpr.deploy.registers.core_images import POPULATIONS, CoreImage, HostTables, members_of
 from lava_vpr.deploy.registers.synapse_memory import stored_rows, unpack
 from lava_vpr.deploy.registers.synapses import SynapseFormat
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.errors import LavaVprError, ModelFileError
+from lava_vpr.errors import ModelFileError
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, INPUT_SHIFT, WEIGHT_BITS
 
 _UNKNOWN_NEEDS, _UNKNOWN_LOAD = Needs(0, 0, 0, 0, 0, 0, 0), Load(0, 0, 0, 0, 0, 0, 0)
@@ -116,52 +108,6 @@ def _read_core(image: CoreImage, parts: tuple[PopulationPart, ...], ways: _Ways,
     return core
 
 
-def _differences(
-    images: Sequence[CoreImage], tables: HostTables, again: Sequence[CoreImage], tables_again: HostTables
-) -> list[str]:
-    """What of the images and tables differs from those made again, by name."""
-    differences = []
-    for image, other in zip(images, again, strict=True):
-        if json.dumps(image.registers, sort_keys=True) != json.dumps(other.registers, sort_keys=True):
-            differences.append(f"registers of {image.name}")
-        for name in ("compartments", "synapses", "axons_in", "axons_out"):
-            if not np.array_equal(getattr(image, name), getattr(other, name)):
-                differences.append(f"{name} of {image.name}")
-    for name in ("injection", "inputs", "exc", "counters", "inh"):
-        if not np.array_equal(getattr(tables, name), getattr(tables_again, name)):
-            differences.append(f"the host's table {name}")
-    return differences
-
-
-def network_of(
-    images: Sequence[CoreImage], tables: HostTables, scalars: Mapping[str, int], board: Board
-) -> FixedNetwork:
-    """The network that images hold: weights from memory, biases from compartments; all else as ``scalars`` has it.
-
-    Args:
-        images: Registers and memory of every core.
-        tables: Where the network's neurons stand.
-        scalars: ``inputs``, ``neurons`` and `lava_vpr.engine.inference.fixed.SCALARS` by name.
-        board: Whose cores they are.
-    Raises:
-        ModelFileError: images, tables and scalars contradict each other.
-    """
-    images = sorted(images, key=lambda image: (image.chip, image.core))
-    try:
-        network, again, tables_again = _rebuilt(images, tables, scalars, board)
-        different = _differences(images, tables, again, tables_again)
-    except ModelFileError:
-        raise
-    except (LookupError, ValueError, TypeError, OverflowError, LavaVprError) as error:
-        raise ModelFileError(f"cores and tables hold no network of ours ({error}); deploy the model again") from None
-    if different:
-        raise ModelFileError(
-            f"{different[0]} contradict{'s' if 'table' in different[0] else ''} the rest of the network; deploy the "
-            "model again"
-        )
-    return network
-
-
 def outline(scalars: Mapping[str, int]) -> FixedNetwork:
     """The network of ``scalars``, with the numbers of its inputs and neurons, and no weights yet.
 
@@ -173,10 +119,18 @@ def outline(scalars: Mapping[str, int]) -> FixedNetwork:
     return FixedNetwork.of_scalars(weights, np.broadcast_to(np.int32(0), (neurons,)), scalars)
 
 
-def _rebuilt(
-    images: Sequence[CoreImage], tables: HostTables, scalars: Mapping[str, int], board: Board
-) -> tuple[FixedNetwork, tuple[CoreImage, ...], HostTables]:
-    """The network with weights and biases from the images, and images and tables made of it again."""
+def plan_of(images: Sequence[CoreImage], tables: HostTables, scalars: Mapping[str, int], board: Board) -> Plan:
+    """The network that images hold, and where it stands: weights from memory, biases from compartments; all else as
+    ``scalars`` has it. Images and tables are sound where they are those of this plan.
+
+    Args:
+        images: Registers and memory of every core, by chip and core.
+        tables: Where the network's neurons stand.
+        scalars: ``inputs``, ``neurons`` and `lava_vpr.engine.inference.fixed.SCALARS` by name.
+        board: Whose cores they are.
+    Raises:
+        ModelFileError, NetworkLimitError, LookupError, ValueError, TypeError, OverflowError: they hold no network.
+    """
     empty = outline(scalars)
     weights, bias = np.zeros(empty.weights.shape, np.int16), np.zeros(empty.neurons, np.int32)
     found, ways = _Found(weights, bias, set(), set()), _Ways(_input_ways(images, tables), _root_ways(images, tables))
@@ -186,5 +140,4 @@ def _rebuilt(
     fewest = min(bits for bits in board.weight_bits if bits >= board.stored_bits(network))
     bits = max(found.weight_bits, default=fewest)
     of_root = max(found.inhibition_bits, default=WEIGHT_BITS)
-    plan = Plan(network, board, cores, bits, of_root, None, 0)
-    return network, core_images(plan), host_tables(plan)
+    return Plan(network, board, cores, bits, of_root, None, 0)
