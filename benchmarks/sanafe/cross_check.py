@@ -32,7 +32,7 @@ import json
 import os
 import subprocess
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,8 +40,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.sanafe.problem import group_name, problem_of, without_counters
+from lava_vpr.deploy.boards.constants import CostConstants
 from lava_vpr.deploy.boards.plan import Plan
-from lava_vpr.deploy.cost.closed_form import closed_form, step_microseconds, step_picojoules
+from lava_vpr.deploy.cost.closed_form import step_microseconds, step_picojoules
 from lava_vpr.deploy.cost.events import EventCounts, count_events
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
@@ -248,6 +249,61 @@ def of_compartments(network: FixedNetwork, inputs: NDArray[np.uint8] | None) -> 
     return relayed
 
 
+@dataclass(frozen=True)
+class ClosedForm:
+    """SANA-FE's column only, without clearing and static energy: what SANA-FE itself computes.
+
+    Attributes:
+        microjoules: The energy of each query by SANA-FE's components ``synapse``, ``soma`` and ``network``, float64
+            (n,).
+        step_microjoules, step_milliseconds: Energy and time of every step, ``simple`` timing, float64 (n, steps).
+    """
+
+    microjoules: dict[str, Floats]
+    step_microjoules: Floats
+    step_milliseconds: Floats
+
+    @property
+    def total_microjoules(self) -> Floats:
+        """The energy of each query, (n,)."""
+        return np.asarray(sum(self.microjoules.values()))
+
+    @property
+    def milliseconds(self) -> Floats:
+        """The time of all steps of each query, (n,)."""
+        return self.step_milliseconds.sum(axis=1)
+
+
+def closed_form(
+    events: EventCounts, constants: CostConstants, *, tiles: int | None = None, input_core: bool = True
+) -> ClosedForm:
+    """What SANA-FE computes for the same events.
+
+    Args:
+        events: What was counted, with injected spikes from ``entry`` (`lava_vpr.deploy.cost.events.count_events`).
+        constants: The constants of Loihi 1.
+        tiles: With a core mapped, one of inputs included; None: those of the plan.
+        input_core: Injected spikes are sent by one core of their own, whose neurons cost nothing.
+    """
+    counted = replace(events, updates=events.touched, tiles=events.tiles if tiles is None else tiles)
+    picojoules = step_picojoules(counted, constants, "nominal")
+    energy = {name: values.sum(axis=1) / 1e6 for name, values in picojoules.items()}
+    if input_core:  # one more core, of which nothing but its sending is known
+        on_cores = ("messages_in", "operations_dense", "operations_sparse", "accesses", "updates", "spikes")
+        wider: dict[str, Any] = {name: np.pad(getattr(counted, name), ((0, 0), (0, 0), (0, 1))) for name in on_cores}
+        sent = counted.injected_messages.sum(axis=2, keepdims=True)
+        counted = replace(counted, **wider, messages_out=np.concatenate([counted.messages_out, sent], axis=2))
+    return ClosedForm(
+        {
+            "synapse": energy["synaptic operations"],
+            "soma": energy["neuron accesses"] + energy["neuron updates"] + energy["spikes"],
+            "network": energy["input messages"] + energy["other messages"] + energy["read-out"] + energy["hops"],
+        },
+        np.asarray(sum(picojoules.values())) / 1e6,
+        step_microseconds(counted, constants, "nominal") / 1e3,
+    )
+
+
 def compare(plan: Plan, trains: Trains, answer: dict[str, Any], *, input_core: bool, tiles: int) -> CrossCheck:
     """SANA-FE's answer beside the closed form.
 
@@ -262,19 +318,16 @@ def compare(plan: Plan, trains: Trains, answer: dict[str, Any], *, input_core: b
     plan = without_counters(plan)
     theirs = _read(answer, plan, trains)
     events, constants = count_events(plan, trains, entry=(0, 0)), plan.board.constants
-    ours = closed_form(events, constants, tiles=tiles, updates="touched", input_core=input_core)
+    ours = closed_form(events, constants, tiles=tiles, input_core=input_core)
     nothing = np.zeros(events.queries)
     energy = {**ours.microjoules, "dendrite": nothing, "total": ours.total_microjoules}
     counts = _our_counts(events)
-    picojoules = step_picojoules(events, constants, "nominal", "touched")
-    step_energy = sum(picojoules.values())
-    step_time = step_microseconds(events, constants, "nominal", tiles, updates="touched", input_core=input_core)
     energies = {name: (energy[name], values.sum(axis=1)) for name, values in theirs.microjoules.items()}
     pairs = [
         *energies.values(),
         (ours.milliseconds, theirs.milliseconds.sum(axis=1)),
-        (step_time / 1e3, theirs.milliseconds),
-        (np.asarray(step_energy) / 1e6, theirs.microjoules["total"]),
+        (ours.step_milliseconds, theirs.milliseconds),
+        (ours.step_microjoules, theirs.microjoules["total"]),
     ]
     expected = {"exc": trains.exc, "inh": trains.inh, "inputs": of_compartments(plan.network, trains.inputs)}
     differ = sum(int((fired != (expected[name] != 0)).sum()) for name, fired in theirs.fired.items())

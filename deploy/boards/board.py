@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from lava_vpr import loihi
 from lava_vpr.deploy.boards.clearing import Clearing, EmbeddedWrites, LifReset
-from lava_vpr.deploy.boards.constants import LOIHI_1, CostConstants
+from lava_vpr.deploy.boards.constants import LOIHI_1, CostConstants, Number
 from lava_vpr.deploy.boards.memory import UNLIMITED, ByteBudget, Memory, PackedRows
-from lava_vpr.deploy.boards.step_time import Number, arrival_nanoseconds, neuron_nanoseconds
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.rows.registry import Registry
@@ -108,8 +107,8 @@ class Board:
         neurons = (accesses, updates, spikes, messages_out)
         if self.constants is None:
             return np.asarray(sum((*arriving, *neurons)), np.float64)
-        arrived = arrival_nanoseconds(self.constants, "nominal", *arriving)
-        return np.asarray(arrived + neuron_nanoseconds(self.constants, "nominal", *neurons))
+        arrived = self.constants.arrival_nanoseconds("nominal", *arriving)
+        return np.asarray(arrived + self.constants.neuron_nanoseconds("nominal", *neurons))
 
     def as_json(self) -> dict[str, Any]:
         """Limits and mesh by name, as a bundle's manifest has them; None: not public."""

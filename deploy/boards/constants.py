@@ -11,8 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lava_vpr import loihi
 from lava_vpr.deploy.boards.estimate import Estimate, Level
+
+Number = float | NDArray[Any]
+"""A count, or the counts of many steps and cores."""
 
 SANA_FE = (
     "SANA-FE 2.2.9, arch/loihi.yaml, fitted to silicon (Boyle et al., IEEE TCAD 2025, doi 10.1109/TCAD.2025.3537971: "
@@ -24,33 +30,20 @@ BLOUW = "Blouw et al., NICE 2019, arXiv 1812.01739"
 
 
 @dataclass(frozen=True)
-class Constant:
-    """A constant of the cost model.
+class Constant(Estimate):
+    """A constant of the cost model: its value as the two columns have it.
 
     Attributes:
         name: A short name, unique among the constants.
         what: The constant in words, for people.
         unit: pJ, ns, us or mW.
-        low, nominal, high: The value, as the two columns have it.
         source: The source in words, with doi; says which bound is whose, and what is an assumption.
     """
 
     name: str
     what: str
     unit: str
-    low: float
-    nominal: float
-    high: float
     source: str
-
-    @property
-    def estimate(self) -> Estimate:
-        """The three values of the constant as an estimate."""
-        return Estimate(self.low, self.nominal, self.high)
-
-    def at(self, level: Level) -> float:
-        """The constant's value at ``level``: low, nominal or high."""
-        return float(getattr(self, level))
 
     def as_json(self) -> dict[str, Any]:
         """The constant as scripts read it."""
@@ -58,7 +51,7 @@ class Constant:
             "name": self.name,
             "what": self.what,
             "unit": self.unit,
-            **self.estimate.as_json(),
+            **super().as_json(),
             "source": self.source,
         }
 
@@ -66,12 +59,12 @@ class Constant:
 def _both(name: str, what: str, unit: str, sana_fe: float, davies: float, note: str = "") -> Constant:
     """A constant that both columns have."""
     source = f"nominal: {SANA_FE}; the other: {DAVIES}{note}"
-    return Constant(name, what, unit, min(sana_fe, davies), sana_fe, max(sana_fe, davies), source)
+    return Constant(min(sana_fe, davies), sana_fe, max(sana_fe, davies), name, what, unit, source)
 
 
 def _one(name: str, what: str, unit: str, value: float, source: str = SANA_FE) -> Constant:
     """A constant that only ``source`` has."""
-    return Constant(name, what, unit, value, value, value, source)
+    return Constant(value, value, value, name, what, unit, source)
 
 
 _ACCESS = " (there an inactive neuron's update)"
@@ -83,6 +76,9 @@ _MORE_NS = round(loihi.DAVIES_ACTIVE_NS - loihi.DAVIES_INACTIVE_NS, 1)
 @dataclass(frozen=True)
 class CostConstants:
     """Energy and time of every operation of a board, and the power and traffic around it.
+
+    What a core does in a step takes it nanoseconds by SANA-FE's ``simple`` timing: what arrives, and what its neurons
+    do and send, overlap. A step lasts as long as the longest of either on any core, and the barrier after it.
 
     Attributes:
         synapse_dense, synapse_sparse, access, update, spike, message, hop_east_west, hop_north_south: Energies, pJ.
@@ -132,6 +128,27 @@ class CostConstants:
                 constants.append(value)
         return tuple(constants)
 
+    def arrival_nanoseconds(
+        self, level: Level, messages_in: Number, operations_dense: Number, operations_sparse: Number
+    ) -> NDArray[np.float64]:
+        """The time of messages received by a core, and of their synaptic operations by the format of the rows."""
+        return np.asarray(
+            self.message_in_time.at(level) * messages_in
+            + self.synapse_dense_time.at(level) * operations_dense
+            + self.synapse_sparse_time.at(level) * operations_sparse
+        )
+
+    def neuron_nanoseconds(
+        self, level: Level, accesses: Number, updates: Number, spikes: Number, messages_out: Number
+    ) -> NDArray[np.float64]:
+        """The time of compartments accessed and updated on a core, of their spikes, and of messages sent."""
+        return np.asarray(
+            self.access_time.at(level) * accesses
+            + self.update_time.at(level) * updates
+            + self.spike_time.at(level) * spikes
+            + self.message_time.at(level) * messages_out
+        )
+
 
 def _barrier(tiles: int) -> Constant:
     """The barrier at the end of each step, with so many tiles in use."""
@@ -151,9 +168,7 @@ def _cycles(name: str, what: str, cycles: tuple[int, int, int]) -> Constant:
     """An access of an embedded processor, which takes so many cycles at its clock."""
     times = [1e3 * count / clock for count, clock in zip(cycles, loihi.EMBEDDED_MHZ, strict=True)]
     stated = ", ".join(f"{count} at {clock:g} MHz" for count, clock in zip(cycles, loihi.EMBEDDED_MHZ, strict=True))
-    return Constant(
-        name, what, "ns", times[0], times[1], times[2], f"an assumption, no figure is public; cycles: {stated}"
-    )
+    return Constant(*times, name, what, "ns", f"an assumption, no figure is public; cycles: {stated}")
 
 
 LOIHI_1 = CostConstants(
@@ -167,12 +182,12 @@ LOIHI_1 = CostConstants(
     update=_both("update", "update of a neuron that has a reason to", "pJ", loihi.UPDATE_PJ, _MORE_PJ, _UPDATE),
     spike=_one("spike", "spike of a neuron", "pJ", loihi.SPIKE_PJ),
     message=Constant(
-        "message",
-        "message, one for each core it goes to",
-        "pJ",
         loihi.MESSAGE_PJ,
         loihi.MESSAGE_PJ,
         loihi.MESSAGE_PJ + loihi.DAVIES_WITHIN_TILE_PJ,
+        "message",
+        "message, one for each core it goes to",
+        "pJ",
         f"low and nominal: sending one, {SANA_FE}, the only source of it; high: and its way within a tile, which takes "
         f"nothing there, {DAVIES}",
     ),
@@ -200,32 +215,32 @@ LOIHI_1 = CostConstants(
     barrier=_barrier,
     barrier_tiles=tuple(loihi.BARRIER_US),
     step=Constant(
-        "step",
-        "least time of a step",
-        "us",
         0.0,
         0.0,
         loihi.POHOIKI_STEP_US,
+        "step",
+        "least time of a step",
+        "us",
         f"high: shortest step measured on 32 chips, {FRADY}; low and nominal: no bound but the busiest core and the "
         "barrier. Kapoho Bay's own barrier is not public",
     ),
     static=Constant(
-        "static",
-        "power of a chip that does nothing, each chip of the board, used or not",
-        "mW",
         loihi.IDLE_MILLIWATTS,
         loihi.CHIP_MILLIWATTS,
         loihi.CHIP_MILLIWATTS,
+        "static",
+        "power of a chip that does nothing, each chip of the board, used or not",
+        "mW",
         f"nominal and high: {FRADY} (3.34 W for 32 chips); low: idle power of another board, {BLOUW}. Kapoho Bay's own "
         "is not public",
     ),
     embedded=Constant(
-        "embedded",
-        "power of a chip's embedded x86 processors",
-        "mW",
         0.0,
         loihi.EMBEDDED_MILLIWATTS,
         loihi.EMBEDDED_MILLIWATTS,
+        "embedded",
+        "power of a chip's embedded x86 processors",
+        "mW",
         f"nominal and high: {FRADY}; low: contained in the idle power of {BLOUW}",
     ),
     host_message=_one(
@@ -243,10 +258,10 @@ LOIHI_1 = CostConstants(
 """The constants of Loihi 1, and of Kapoho Bay, a board with two of it."""
 
 HOST_POWER = Constant(
+    *loihi.HOST_MILLIWATTS,
     "host_power",
     "power of a processor while one thread of it works: a board's host, or what needs no board",
     "mW",
-    *loihi.HOST_MILLIWATTS,
     "an assumption, not verified: a robot's computer. Low and nominal: the power modes of 5 and 10 W of NVIDIA's "
     "Jetson Nano (github.com/NVIDIA-AI-IOT/jetbot, wiki, Battery Tips); high: twice that, a laptop's",
 )

@@ -18,7 +18,6 @@ from lava_vpr.deploy.boards.clearing import rest_steps
 from lava_vpr.deploy.boards.constants import CostConstants
 from lava_vpr.deploy.boards.estimate import Estimate, Level, total
 from lava_vpr.deploy.boards.plan import CorePlan, Plan
-from lava_vpr.deploy.boards.step_time import neuron_nanoseconds
 from lava_vpr.deploy.cost import embedded
 from lava_vpr.deploy.cost.closed_form import step_microseconds, step_nanoseconds, step_picojoules
 from lava_vpr.deploy.cost.events import EventCounts
@@ -251,11 +250,11 @@ def _write_picojoules(plan: Plan, constants: CostConstants) -> Estimate:
     east_west, north_south = entry_hops(plan)
     return total(
         (
-            constants.message.estimate,
-            constants.hop_east_west.estimate * east_west,
-            constants.hop_north_south.estimate * north_south,
-            constants.access.estimate,
-            constants.update.estimate,
+            constants.message,
+            constants.hop_east_west * east_west,
+            constants.hop_north_south * north_south,
+            constants.access,
+            constants.update,
         )
     )
 
@@ -274,7 +273,7 @@ def _settings_microjoules(plan: Plan, constants: CostConstants) -> Estimate:
 def _clearing_milliseconds(plan: Plan, constants: CostConstants) -> Estimate:
     """Time of the writes that clear the membranes; each chip's processor writes its own."""
     most = max(counts_on_chips(plan, "exc").values(), default=0)
-    return constants.register_time.estimate * (CLEARED * most / 1e6)
+    return constants.register_time * (CLEARED * most / 1e6)
 
 
 def outside_steps(plan: Plan, constants: CostConstants) -> tuple[Estimate, Estimate]:
@@ -304,12 +303,12 @@ def _input_microjoules(plan: Plan, events: EventCounts, constants: CostConstants
         return float(getattr(events, name).sum() / queries)
 
     def sent(messages: float, east_west: float, north_south: float) -> Estimate:
-        tiles = constants.hop_east_west.estimate * east_west + constants.hop_north_south.estimate * north_south
-        return constants.message.estimate * messages + tiles
+        tiles = constants.hop_east_west * east_west + constants.hop_north_south * north_south
+        return constants.message * messages + tiles
 
     def somata(updates: float) -> Estimate:
-        accesses = constants.access.estimate * float(network.inputs * events.steps)
-        return accesses + constants.update.estimate * updates + constants.spike.estimate * spikes
+        accesses = constants.access * float(network.inputs * events.steps)
+        return accesses + constants.update * updates + constants.spike * spikes
 
     spikes, injected = mean("input_spikes"), [mean(f"injected_{what}") for what in _MESSAGES]
     onward = [mean(f"input_{what}") - entered for what, entered in zip(_MESSAGES, injected, strict=True)]
@@ -330,7 +329,7 @@ def _input_microjoules(plan: Plan, events: EventCounts, constants: CostConstants
 
 def _static(plan: Plan, milliseconds: Estimate, constants: CostConstants) -> Estimate:
     """Millijoules that all chips of the board draw in so long."""
-    power = (constants.static.estimate + constants.embedded.estimate) * plan.board.chips
+    power = (constants.static + constants.embedded) * plan.board.chips
     return Estimate.of(lambda level: power.at(level) * milliseconds.at(level) / 1e3)
 
 
@@ -356,7 +355,7 @@ def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict
         return max(busiest / 1e3 + barrier.at(level), constants.step.at(level))
 
     mapped = int(events.accesses[0, 0].sum()) if events.queries else 0
-    rest = (constants.access.estimate * mapped + constants.update.estimate * plan.network.neurons) * (steps / 1e6)
+    rest = (constants.access * mapped + constants.update * plan.network.neurons) * (steps / 1e6)
     return told | {
         "rest_microjoules": rest,
         "rest_milliseconds": Estimate.of(rest_step) * (steps / 1e3),
@@ -367,7 +366,7 @@ def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict
 def _idle_nanoseconds(core: CorePlan, constants: CostConstants, level: Level) -> float:
     """Time of a core on which no spike arrives or is sent, while the membranes of exc decay."""
     accesses, updates = sum(part.size for part in core.parts), core.part("exc").size
-    return float(neuron_nanoseconds(constants, level, accesses, updates, 0, 0))
+    return float(constants.neuron_nanoseconds(level, accesses, updates, 0, 0))
 
 
 def _either(values: Sequence[float]) -> str:

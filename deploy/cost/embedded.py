@@ -47,7 +47,7 @@ class Accesses:
 
     def nanoseconds(self, constants: CostConstants) -> Estimate:
         """How long they take."""
-        return constants.register_time.estimate * self.registers + constants.word_time.estimate * self.words
+        return constants.register_time * self.registers + constants.word_time * self.words
 
 
 def _received(words: float) -> float:

@@ -293,12 +293,12 @@ class AnsweringWay:
     @property
     def work(self) -> Estimate:
         """Energy of the processor's work after the encoding."""
-        return HOST_POWER.estimate * self.work_milliseconds  # mW ms
+        return HOST_POWER * self.work_milliseconds  # mW ms
 
     @property
     def encoding(self) -> Estimate:
         """Energy of the encoding."""
-        return HOST_POWER.estimate * self.encoding_milliseconds
+        return HOST_POWER * self.encoding_milliseconds
 
     @property
     def without_encoding(self) -> Estimate:

@@ -151,7 +151,7 @@ def bench(**changes: Any) -> Bench:
         "sweep": tuple(candidates),
         "events": {"synaptic_operations": 30211.25, "input_spikes": 1000.0},
         "constants": (
-            Constant("synapse", "synaptic operation, dense row", "pJ", 23.6, 35.5, 35.5, "SANA-FE 2.2.9, loihi.yaml"),
+            Constant(23.6, 35.5, 35.5, "synapse", "synaptic operation, dense row", "pJ", "SANA-FE 2.2.9, loihi.yaml"),
         ),
         "step_times": (StepTimes("kapoho-bay", *(tuple(x + 0.3 * rng.random(53)) for x in (1, 0.7, 1.1, 2)), 0.6),),
         "command": "lava-vpr bench m.lvpr query --sweep",
