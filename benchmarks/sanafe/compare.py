@@ -29,8 +29,8 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.bundle.compression import Changes, for_board
 from lava_vpr.deploy.bundle.deployment import plan_of
-from lava_vpr.deploy.compression.compression import Changes, for_board
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork, count_spikes, inhibitory_spikes

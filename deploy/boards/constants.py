@@ -7,15 +7,51 @@ value in all three: then low and high bound nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import loihi
-from lava_vpr.deploy.boards.estimate import Estimate, Level
+
+Level = Literal["low", "nominal", "high"]
+LEVELS: tuple[Level, ...] = ("low", "nominal", "high")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a model says at its cheapest, its best guess, and at its dearest; in the unit that its holder names."""
+
+    low: float
+    nominal: float
+    high: float
+
+    @classmethod
+    def of(cls, value: Callable[[Level], float]) -> Estimate:
+        """The estimate whose figure at each level is ``value`` of that level."""
+        return cls(*(value(level) for level in LEVELS))
+
+    def __add__(self, other: Estimate) -> Estimate:
+        return Estimate(self.low + other.low, self.nominal + other.nominal, self.high + other.high)
+
+    def __mul__(self, factor: float) -> Estimate:
+        return Estimate(self.low * factor, self.nominal * factor, self.high * factor)
+
+    def at(self, level: Level) -> float:
+        """The estimate's figure at ``level``: low, nominal or high."""
+        return float(getattr(self, level))
+
+    def as_json(self) -> dict[str, float]:
+        """The estimate as scripts read it."""
+        return {"low": self.low, "nominal": self.nominal, "high": self.high}
+
+
+def total(parts: Iterable[Estimate]) -> Estimate:
+    """The sum of ``parts``; of none: 0."""
+    return sum(parts, Estimate(0.0, 0.0, 0.0))
+
 
 Number = float | NDArray[Any]
 """A count, or the counts of many steps and cores."""
@@ -168,7 +204,9 @@ def _cycles(name: str, what: str, cycles: tuple[int, int, int]) -> Constant:
     """An access of an embedded processor, which takes so many cycles at its clock."""
     times = [1e3 * count / clock for count, clock in zip(cycles, loihi.EMBEDDED_MHZ, strict=True)]
     stated = ", ".join(f"{count} at {clock:g} MHz" for count, clock in zip(cycles, loihi.EMBEDDED_MHZ, strict=True))
-    return Constant(*times, name, what, "ns", f"an assumption, no figure is public; cycles: {stated}")
+    return Constant(
+        times[0], times[1], times[2], name, what, "ns", f"an assumption, no figure is public; cycles: {stated}"
+    )
 
 
 LOIHI_1 = CostConstants(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.boards.estimate import Estimate
+from lava_vpr.deploy.boards.constants import Estimate
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_BITS
 

@@ -14,10 +14,9 @@ from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import CorePlan, Plan
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.folder import ReadBundle, json_bytes
-from lava_vpr.deploy.bundle.programs import program_files
 from lava_vpr.deploy.bundle.readme import readme
 from lava_vpr.deploy.bundle.references import reference_files
-from lava_vpr.deploy.bundle.targets import TARGETS
+from lava_vpr.deploy.bundle.targets import TARGETS, program_files
 from lava_vpr.deploy.cost.expected import timed
 from lava_vpr.deploy.hardware.belief import BIAS_INPUT, DENSE, LEARNING, LONG, NARROW, HardwareBelief
 from lava_vpr.deploy.hardware.loihi_2 import RESET_SHOWN

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import integer_config
+from lava_vpr.deploy.bundle.compression import requantised
 from lava_vpr.deploy.bundle.folder import AGAIN, ReadBundle, array_bytes, json_bytes
 from lava_vpr.deploy.bundle.references import rates_of
-from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.encoding import rates16
 from lava_vpr.engine.inference.quantise import mantissa_of
 from lava_vpr.engine.learning import stdp

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.boards.plan import Plan
@@ -15,7 +16,26 @@ from lava_vpr.deploy.bundle.core_files import BundlePlayer
 from lava_vpr.deploy.bundle.folder import ReadBundle
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.isolated import lifetime
 from lava_vpr.rows.registry import Registry
+
+PROGRAMS = Path(__file__).parents[1] / "programs"
+FOLDER = "program"
+OURS = {"loihi2": ("first_failure.py", "job_folder.py", "lifetime.py")}
+"""Files of `lava_vpr.isolated` that a host program has copies of, by its folder; they import nothing of lava_vpr."""
+
+
+def program_files(folder: str) -> dict[str, bytes]:
+    """The host program ``run.py`` of a board and the files that it needs beside it, by their names in a bundle.
+
+    Args:
+        folder: Its folder in ``deploy/programs``.
+    """
+    isolated = Path(lifetime.__file__).parent
+    folders = (PROGRAMS / "common", PROGRAMS / folder)
+    files = [path for holder in folders for path in holder.iterdir() if path.is_file()]
+    files += [isolated / name for name in OURS.get(folder, ())]
+    return {f"{FOLDER}/{path.name}": path.read_bytes() for path in sorted(files, key=lambda path: path.name)}
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.boards.constants import Constant, CostConstants
-from lava_vpr.deploy.boards.estimate import Level
+from lava_vpr.deploy.boards.constants import Constant, CostConstants, Level
 from lava_vpr.deploy.cost.events import EventCounts
 
 Floats = NDArray[np.float64]

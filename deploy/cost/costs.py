@@ -15,19 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.clearing import rest_steps
-from lava_vpr.deploy.boards.constants import CostConstants
-from lava_vpr.deploy.boards.estimate import Estimate, Level, total
+from lava_vpr.deploy.boards.constants import CostConstants, Estimate, Level, total
 from lava_vpr.deploy.boards.plan import CorePlan, Plan
 from lava_vpr.deploy.cost import embedded
 from lava_vpr.deploy.cost.closed_form import step_microseconds, step_nanoseconds, step_picojoules
-from lava_vpr.deploy.cost.events import EventCounts
-from lava_vpr.deploy.cost.host_traffic import (
+from lava_vpr.deploy.cost.embedded import (
     SETTING_WRITES,
     counts_on_chips,
     entry_hops,
     host_milliseconds,
     through_relays,
 )
+from lava_vpr.deploy.cost.events import EventCounts
 from lava_vpr.loihi import EMBEDDED_MHZ, REGISTER_CYCLES, WORD_CYCLES
 
 Floats = NDArray[np.float64]

@@ -1,24 +1,30 @@
-"""The time of the program on a chip's embedded processor: its accesses, counted, times stated cycles.
+"""The time of the program on a chip's embedded processor, its accesses, counted, times stated cycles; and the host's
+traffic with it.
 
 What it accesses is read off ``programs/kapoho_bay/embedded.c``: registers of cores (a state or setting read or
 written, a spike sent to a core, a core flushed), which lie beyond the mesh, and words of its own memory (packets
 copied, summed and filled, tables looked up). It runs after the neurons of every step, while the cores wait: its time
 adds to theirs, and chips, which step together, wait for the busiest. How long an access takes is not public
 (`loihi.REGISTER_CYCLES`).
+
+The host's traffic for a query is that of the host program of a Kapoho Bay bundle, and bounds around it. Spikes or
+settings go to each chip's embedded processor in packets of `ROOM` words, and counts come back in such packets
+(``programs/kapoho_bay/packets.py``). Nominal: those packets, one message over USB each. Low: the spikes of a whole
+query packed one after another. High: every spike, setting and count a message of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.boards.constants import CostConstants
-from lava_vpr.deploy.boards.estimate import Estimate, Level
+from lava_vpr.deploy.boards.constants import CostConstants, Estimate, Level
 from lava_vpr.deploy.boards.plan import Plan, PopulationName
-from lava_vpr.deploy.cost.events import EventCounts
+from lava_vpr.deploy.cost.events import EventCounts, routes
+from lava_vpr.engine.inference import fixed
 from lava_vpr.loihi import PACKET_HEADER_WORDS, PACKET_WORDS
 
 Floats = NDArray[np.float64]
@@ -137,3 +143,71 @@ def as_json(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[s
         "step_microseconds": Estimate.of(lambda level: float(step_microseconds(plan, events, constants, level).mean())),
         "query_milliseconds": milliseconds(queries, constants),
     }
+
+
+SETTING_WRITES = 3
+"""Registers that are written for an input compartment: bias, membrane, and bias 0 at the end."""
+
+
+def counts_on_chips(plan: Plan, population: PopulationName) -> dict[int, int]:
+    """The number of neurons of ``population`` on each chip in use."""
+    return {chip: members(plan, chip, population)[0] for chip in chips_of(plan)}
+
+
+def entry_hops(plan: Plan, population: PopulationName = "exc") -> tuple[float, float]:
+    """Tiles east-west and north-south from tile 0 of a chip to its compartments of ``population``, mean over these."""
+    sizes = np.array([core.part(population).size for core in plan.cores])
+    east_west, north_south = (sizes @ routes(plan).entry) / max(1, int(sizes.sum()))
+    return float(east_west), float(north_south)
+
+
+def _packets(values: float, room: int) -> int:
+    """The number of packets that hold so many values, ``room`` in each."""
+    return int(-(-values // room))
+
+
+def host_milliseconds(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Estimate]:
+    """Time of the host's traffic for a query by input mode, the one in use first."""
+    inputs, steps, compartments = plan.network.inputs, plan.network.steps, counts_on_chips(plan, "inputs")
+    exc = {chip: size for chip, size in counts_on_chips(plan, "exc").items() if size + compartments[chip]}
+    if not plan.network.input_compartments:
+        compartments = {chip: -(-inputs // len(exc)) for chip in exc}
+    back = sum(max(1, _packets(size, ROOM)) for size in exc.values())
+    counts = Estimate(back, back, max(back, sum(exc.values())))
+    sent = _injected(plan, events, list(exc))
+    low, packets = sum(max(1, _packets(spikes, ROOM)) for spikes in sent), steps * len(exc)
+    injected = Estimate(min(low, packets), packets, max(packets, sum(sent)))
+    few = sum(_packets(size, ROOM // SETTING_WORDS) for size in compartments.values())
+    bias = Estimate(few, few, SETTING_WRITES * inputs)
+    by_mode = {}
+    for mode, messages in (("injected", injected), ("bias", bias)):
+        usb = messages + counts
+        time = Estimate(*(number * constants.host_message.nominal / 1e3 for number in (usb.low, usb.nominal, usb.high)))
+        by_mode[mode] = time
+    return by_mode if events.injected else dict(reversed(by_mode.items()))
+
+
+def bias_milliseconds(plan: Plan, constants: CostConstants) -> Estimate:
+    """Time of the biases of an adapted query: packets to each chip, a word a neuron, and what its processor does."""
+    sizes = counts_on_chips(plan, "exc").values()
+    packets = sum(_packets(size, ROOM) for size in sizes)
+    messages = Estimate(packets, packets, sum(sizes))
+    return messages * (constants.host_message.nominal / 1e3) + milliseconds(of_biases(plan), constants)
+
+
+def _injected(plan: Plan, events: EventCounts, chips: Sequence[int]) -> list[float]:
+    """Spikes of a query that the host sends each of ``chips``.
+
+    The host sends a spike once to each chip, or to that of its relay; how many messages it becomes there is the
+    embedded processor's work.
+    """
+    spikes = float(events.input_spikes.sum() / max(1, events.queries))
+    if through_relays(plan):
+        relays = counts_on_chips(plan, "inputs")
+        return [spikes * relays[chip] / max(1, plan.network.inputs) for chip in chips]
+    return [spikes] * len(chips)
+
+
+def through_relays(plan: Plan) -> bool:
+    """Whether injected spikes go through relays, or would if this plan's inputs did not integrate a bias."""
+    return fixed.input_delay(plan.network.neurons, bias_input=False) == 2

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.boards.estimate import LEVELS, Estimate, Level
+from lava_vpr.deploy.boards.constants import LEVELS, Estimate, Level
 from lava_vpr.deploy.boards.plan import Plan, Times
 from lava_vpr.deploy.cost.closed_form import core_nanoseconds
 from lava_vpr.deploy.cost.costs import all_microseconds, query_milliseconds

@@ -23,11 +23,9 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.mapping.layout import layout_of
-from lava_vpr.deploy.mapping.limits import check, host_spikes
+from lava_vpr.deploy.mapping.limits import check, host_spikes, refusal
 from lava_vpr.deploy.mapping.mesh import assign_cores
-from lava_vpr.deploy.mapping.placing import Placed, balanced, place
-from lava_vpr.deploy.mapping.ranges import even, longest
-from lava_vpr.deploy.mapping.refusal import refusal
+from lava_vpr.deploy.mapping.placing import Placed, balanced, even, longest, place
 from lava_vpr.deploy.mapping.sizing import EXC_SPIKES, Sizing
 from lava_vpr.engine.inference.fixed import FixedNetwork
 

@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends.interface import Advance, Events, Presentations, events_of
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
-from lava_vpr.deploy.bundle import effort
+from lava_vpr.deploy.bundle import board_program, effort
 from lava_vpr.deploy.bundle.core_files import BundleSpikes
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.folder import ReadBundle
 from lava_vpr.deploy.bundle.opening import open_whole
 from lava_vpr.deploy.bundle.targets import TARGETS
-from lava_vpr.deploy.running import host_program
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError, BundleError
@@ -118,7 +117,7 @@ class KapohoBayBackend:
         if shown.bias is not None:
             network.check_presented(shown.bias, len(shown.rates))
         with bundle_of(model, self.board) as bundle:
-            counts = host_program.run_bundle(bundle, shown.rates, shown.keys, bias=shown.bias, advance=self.advance)
+            counts = board_program.run_bundle(bundle, shown.rates, shown.keys, bias=shown.bias, advance=self.advance)
         # The board is sent what the host draws, so the host's engine can tell the events.
         _, events, _ = fixed.count_spikes(network, shown.rates, shown.keys, bias=shown.bias)
         return counts, events

@@ -35,7 +35,7 @@ def _kapoho_bay(threads: int, advance: Advance | None) -> Backend:
 
 def _kapoho_bay_missing() -> str | None:
     """Why Kapoho Bay cannot be used here, and what to do; None if it can."""
-    from lava_vpr.deploy.running.host_program import kapoho_bay_available
+    from lava_vpr.deploy.bundle.board_program import kapoho_bay_available
 
     return kapoho_bay_available()
 

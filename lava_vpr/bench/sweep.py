@@ -23,7 +23,7 @@ from lava_vpr.bench.results import SweepPoint
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool, Standing
 from lava_vpr.config import not_integer
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
-from lava_vpr.deploy.compression.compression import UNCHANGED, with_settings
+from lava_vpr.deploy.bundle.compression import UNCHANGED, with_settings
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.experiments.points import MARGINS, Case, Measurement, Settings, current, fast_settings, measured
 from lava_vpr.experiments.search import key_of, on_front, wander

@@ -30,7 +30,7 @@ from lava_vpr.show.table import Table
 from lava_vpr.storage.text import shown
 
 if TYPE_CHECKING:
-    from lava_vpr.deploy.compression.compression import Changes
+    from lava_vpr.deploy.bundle.compression import Changes
     from lava_vpr.deploy.mapping.largest_map import Capacity
 
 
@@ -86,7 +86,7 @@ def fit(
     check_dense_rows(board, dense_rows)
     if model is None:
         return _largest(board, weight_bits, input_mode, neurons_per_place, views or 1, json_path)
-    from lava_vpr.deploy.compression.compression import Changes
+    from lava_vpr.deploy.bundle.compression import Changes
 
     changes = Changes(weight_bits=weight_bits, input_mode=input_mode)
     return _model(board, model, changes, dense_rows, picture, json_path)
@@ -101,8 +101,8 @@ def _model(
     json_path: Path | None,
 ) -> list[Table]:
     """What each core of the board holds of a model."""
+    from lava_vpr.deploy.bundle.compression import adapted
     from lava_vpr.deploy.bundle.deployment import mapping, modelled, plan_of, unproven
-    from lava_vpr.deploy.compression.compression import adapted
     from lava_vpr.deploy.cost.expected import timed
 
     model = integer_model(open_model(model_path), board.title, model_path)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.compression.compression import (
+from lava_vpr.deploy.bundle.compression import (
     PURPOSE,
     UNCHANGED,
     Changes,

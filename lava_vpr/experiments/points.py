@@ -19,8 +19,8 @@ from lava_vpr.config import Config, integer_config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.bundle.compression import requantised
 from lava_vpr.deploy.bundle.deployment import plan_of
-from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.deploy.cost.closed_form import step_picojoules
 from lava_vpr.deploy.cost.costs import all_microseconds, outside_steps
 from lava_vpr.deploy.cost.events import count_events

@@ -9,7 +9,7 @@ from itertools import compress, product
 
 from lava_vpr.config import Config, integer_config
 from lava_vpr.configfile import update
-from lava_vpr.deploy.compression.compression import requantised
+from lava_vpr.deploy.bundle.compression import requantised
 from lava_vpr.errors import ConfigError
 from lava_vpr.experiments.grid import Outcome
 from lava_vpr.experiments.task import FACTS, NETWORK, Route, baselines, counted, judged, judged_scores, learned, measure

@@ -24,10 +24,10 @@ from lava_vpr.cli import main
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY, LOIHI_2
+from lava_vpr.deploy.bundle import board_program
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.folder import load
 from lava_vpr.deploy.bundle.opening import open_bundle
-from lava_vpr.deploy.running import host_program
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.biases import held_biases
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -151,7 +151,7 @@ def test_memory_and_time_of_a_simulation_are_bounded(
 
 def board_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     """As if NxSDK were installed and a Kapoho Bay announced to it."""
-    monkeypatch.setattr(host_program, "kapoho_bay_available", lambda: None)
+    monkeypatch.setattr(board_program, "kapoho_bay_available", lambda: None)
 
 
 def test_the_wrong_board_and_the_wrong_network_are_refused(

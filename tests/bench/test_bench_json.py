@@ -10,7 +10,7 @@ from support.common.bench_results import FIGURES, bench, metrics, modelled, prin
 
 from lava_vpr.bench.show.json_values import COUNTS, as_json
 from lava_vpr.bench.show.page import page
-from lava_vpr.deploy.boards.estimate import Estimate
+from lava_vpr.deploy.boards.constants import Estimate
 from lava_vpr.matching.evaluation import evaluate
 
 

@@ -15,8 +15,8 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import LifNetwork, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.deploy.bundle.compression import requantised
 from lava_vpr.deploy.bundle.deployment import plan_of
-from lava_vpr.deploy.compression.compression import requantised
 from lava_vpr.deploy.mapping.limits import DEVIATIONS
 from lava_vpr.encoding import query_rates, rates16, strongest
 from lava_vpr.engine.inference.quantise import distinctive, pruned, unit_norm

@@ -23,7 +23,7 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.memory import PackedRows
-from lava_vpr.deploy.compression.compression import Changes, requantised
+from lava_vpr.deploy.bundle.compression import Changes, requantised
 from lava_vpr.errors import ConfigError
 from lava_vpr.experiments import task as measuring
 from lava_vpr.experiments.grid import Outcome, Row, Spread, rows

@@ -18,11 +18,11 @@ from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import AskedOn, QueryVariants
 from lava_vpr.cluster.tasks import Pool
-from lava_vpr.deploy.boards.estimate import Estimate
+from lava_vpr.deploy.boards.constants import Estimate
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.costs import adaptation_microjoules, modelled
+from lava_vpr.deploy.cost.embedded import bias_milliseconds
 from lava_vpr.deploy.cost.events import count_events
-from lava_vpr.deploy.cost.host_traffic import bias_milliseconds
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.engine.inference.fixed import FixedNetwork

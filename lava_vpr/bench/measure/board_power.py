@@ -12,8 +12,8 @@ from lava_vpr.backends.deployed import bundle_of
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.bench.results import Measured
 from lava_vpr.deploy.boards.board import BOARDS
+from lava_vpr.deploy.bundle.board_program import run_program
 from lava_vpr.deploy.bundle.folder import ReadBundle
-from lava_vpr.deploy.running.board_program import run_program
 from lava_vpr.errors import LavaRunError
 from lava_vpr.model import Model, checked_network
 from lava_vpr.storage.reading import parse_json, read_bytes

@@ -11,7 +11,7 @@ import numpy as np
 
 from lava_vpr.bench.anchors import ANCHORS
 from lava_vpr.bench.results import Bench, Measured, Peer, QueryVariants, SweepPoint
-from lava_vpr.deploy.boards.estimate import Estimate
+from lava_vpr.deploy.boards.constants import Estimate
 from lava_vpr.matching.evaluation import Metrics
 
 PERCENTILES = (50, 95, 99)

@@ -22,8 +22,7 @@ from lava_vpr.bench.results import (
 )
 from lava_vpr.bench.show.json_values import PERCENTILES, counts, percentiles
 from lava_vpr.deploy.boards.board import BOARDS
-from lava_vpr.deploy.boards.constants import HOST_POWER
-from lava_vpr.deploy.boards.estimate import LEVELS, Estimate
+from lava_vpr.deploy.boards.constants import HOST_POWER, LEVELS, Estimate
 from lava_vpr.matching.evaluation import TITLES, Metrics, values_of
 from lava_vpr.show.numbers import NONE, count, figure, levels, named, percent, ranged, size
 from lava_vpr.show.table import Table

@@ -19,7 +19,7 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
-from lava_vpr.deploy.compression import compression
+from lava_vpr.deploy.bundle import compression
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.engine.conductance.model import initial_state
 from lava_vpr.engine.inference import quantise

@@ -9,8 +9,8 @@ import pytest
 from support.common.small_models import small_model
 
 from lava_vpr.deploy.boards.board import BOARDS
+from lava_vpr.deploy.bundle.compression import Changes, adapted
 from lava_vpr.deploy.bundle.deployment import contents
-from lava_vpr.deploy.compression.compression import Changes, adapted
 from lava_vpr.deploy.hardware.belief import Given, HardwareBelief
 from lava_vpr.deploy.hardware.table import BELIEFS
 

@@ -15,10 +15,9 @@ from support.boards.small_boards import network as small_network
 from lava_vpr import loihi
 from lava_vpr.bench import results
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
-from lava_vpr.deploy.boards.constants import HOST_POWER, LOIHI_1, Constant
-from lava_vpr.deploy.boards.estimate import LEVELS, Estimate, total
+from lava_vpr.deploy.boards.constants import HOST_POWER, LEVELS, LOIHI_1, Constant, Estimate, total
 from lava_vpr.deploy.boards.plan import Plan
-from lava_vpr.deploy.cost import costs, embedded, host_traffic
+from lava_vpr.deploy.cost import costs, embedded
 from lava_vpr.deploy.cost.closed_form import step_microseconds, step_nanoseconds, step_picojoules
 from lava_vpr.deploy.cost.costs import BoardFigures, Modelled, all_microseconds, modelled, outside_steps
 from lava_vpr.deploy.cost.events import KINDS, EventCounts, count_events
@@ -250,10 +249,10 @@ def test_clearing_is_counted_and_rest_beside_it() -> None:
     plan, counted, _ = example()
     told = modelled(plan, counted).clearing
     assert told["exc_writes_per_query"] == 20
-    east_west, north_south = host_traffic.entry_hops(plan)
+    east_west, north_south = embedded.entry_hops(plan)
     each = 111 + 3.0 * east_west + 4.2 * north_south + 51.2 + 21.6
     assert told["microjoules"].nominal == pytest.approx(2 * 20 * each / 1e6)  # membranes of neurons and of counters
-    most = max(host_traffic.counts_on_chips(plan, "exc").values())
+    most = max(embedded.counts_on_chips(plan, "exc").values())
     assert 10 <= most < 20
     assert told["milliseconds"].nominal == pytest.approx(2 * most * 100 / 1e6)
     assert told["rest_microjoules"].nominal == pytest.approx(told["rest_steps_instead"] * (41 * 51.2 + 20 * 21.6) / 1e6)

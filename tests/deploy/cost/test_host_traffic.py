@@ -14,7 +14,7 @@ from support.boards.plans import busy_plan, trains_of
 
 from lava_vpr import loihi
 from lava_vpr.deploy.boards.constants import LOIHI_1
-from lava_vpr.deploy.cost import host_traffic
+from lava_vpr.deploy.cost import embedded
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference import fixed
@@ -25,14 +25,14 @@ from lava_vpr.engine.presentations import Trains
 @pytest.mark.parametrize("relayed", [False, True])
 def test_packets_are_those_of_the_host_program(relayed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fixed, "DIRECT", 8 if relayed else 1024)
-    source = (Path(host_traffic.__file__).parents[1] / "programs" / "kapoho_bay" / "packets.py").read_text()
+    source = (Path(embedded.__file__).parents[1] / "programs" / "kapoho_bay" / "packets.py").read_text()
     words, payload = (int(value) for value in re.findall(r"WORDS, PAYLOAD, MAGIC = (\d+), (\d+),", source)[0])
     assert (loihi.PACKET_WORDS, loihi.PACKET_HEADER_WORDS) == (words, payload)
     plan = busy_plan(bias_input=False)
     counted = count_events(plan, trains_of(plan.network, 5, 4))
     spikes, chips = counted.input_spikes.sum() / 5, 2
     sent = spikes * (1 if relayed else chips)  # each to its relay's chip, or to both
-    found = host_traffic.host_milliseconds(plan, counted, LOIHI_1)["injected"]
+    found = embedded.host_milliseconds(plan, counted, LOIHI_1)["injected"]
     usb = 13.9e-3
     assert found.nominal == pytest.approx(usb * chips * (30 + 1), rel=0.01)
     assert found.high == pytest.approx(usb * (sent + 20), rel=0.01)
@@ -75,7 +75,7 @@ def test_the_host_program_sends_so_many_packets(
         found.append(packets[0])
     trains = draw_trains(made.rates, made.keys, plan.network.steps, plan.network.interval, regular=plan.network.regular)
     film = count_spikes(plan.network, made.rates, made.keys, raster=True)[2]
-    told = host_traffic.host_milliseconds(plan, count_events(plan, Trains(film, trains)), LOIHI_1)
+    told = embedded.host_milliseconds(plan, count_events(plan, Trains(film, trains)), LOIHI_1)
     messages = next(iter(told.values())).nominal / loihi.KAPOHO_BAY_MESSAGE_US * 1e3
     assert found[1] - found[0] == pytest.approx(messages)
     assert messages > 0

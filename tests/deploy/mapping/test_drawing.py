@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rich.console import Console
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
-from lava_vpr.deploy.boards.estimate import Estimate
+from lava_vpr.deploy.boards.constants import Estimate
 from lava_vpr.deploy.boards.memory import row_words
 from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Plan, PopulationName, PopulationPart, Times
 from lava_vpr.deploy.show.drawing import COLOURS, MOST_CARDS, WIDTH, draw, figure_of

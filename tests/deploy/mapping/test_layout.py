@@ -15,9 +15,8 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY, Mesh
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.mapping.mesh import assign_cores, distances
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.deploy.mapping.placing import spread
-from lava_vpr.deploy.mapping.ranges import counts_of, farthest, fitting, longest
-from lava_vpr.deploy.mapping.ranges import even as even_ranges
+from lava_vpr.deploy.mapping.placing import counts_of, farthest, fitting, longest, spread
+from lava_vpr.deploy.mapping.placing import even as even_ranges
 from lava_vpr.deploy.mapping.sizing import Sizing
 from lava_vpr.deploy.registers.core_images import core_images, host_tables
 

@@ -24,8 +24,8 @@ from support.boards.small_boards import (
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.boards.plan import CorePlan
+from lava_vpr.deploy.mapping.layout import choose_formats
 from lava_vpr.deploy.mapping.partition import fewest_cores, partition
-from lava_vpr.deploy.mapping.row_formats import choose_formats
 from lava_vpr.deploy.mapping.sizing import Sizing
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork

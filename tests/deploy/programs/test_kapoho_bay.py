@@ -32,7 +32,7 @@ from support.common.small_models import small_model
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import deploy
-from lava_vpr.deploy.bundle.programs import PROGRAMS
+from lava_vpr.deploy.bundle.targets import PROGRAMS
 from lava_vpr.deploy.registers.core_images import core_images
 from lava_vpr.deploy.registers.synapse_memory import unpack
 from lava_vpr.deploy.registers.synapses import SynapseFormat

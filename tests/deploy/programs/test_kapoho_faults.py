@@ -27,8 +27,8 @@ from support.boards.kapoho_board import (
     start,
 )
 
+from lava_vpr.deploy.bundle import board_program
 from lava_vpr.deploy.bundle.folder import load
-from lava_vpr.deploy.running import host_program
 from lava_vpr.errors import BackendUnavailableError, BundleError, LavaRunError, NetworkLimitError
 
 pytestmark = pytest.mark.slow  # half a minute of starting programs; CI runs them
@@ -270,7 +270,7 @@ def seeds(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """An environment in which this Python has NxSDK."""
     for name, value in SEEDS.items():
         monkeypatch.setenv(name, value)
-    monkeypatch.delenv(host_program.PYTHON, raising=False)
+    monkeypatch.delenv(board_program.PYTHON, raising=False)
     return monkeypatch
 
 
@@ -280,9 +280,9 @@ def choose(seeds: pytest.MonkeyPatch, **faults: Any) -> None:
 
 
 def test_run_bundle(seeds: pytest.MonkeyPatch, made: Made) -> None:
-    assert host_program.kapoho_bay_available() is None
+    assert board_program.kapoho_bay_available() is None
     told: list[int] = []
-    counts = host_program.run_bundle(load(made.path), made.rates, made.keys, advance=told.append)
+    counts = board_program.run_bundle(load(made.path), made.rates, made.keys, advance=told.append)
     assert counts.dtype == np.int32
     assert np.array_equal(counts, made.counts)
     assert sum(told) == 6
@@ -293,7 +293,7 @@ def test_unanswered_queries_are_presented_again(
 ) -> None:
     choose(seeds, vanish_after=8, once=str(tmp_path / "once"))
     told: list[int] = []
-    counts = host_program.run_bundle(load(made.path), made.rates, made.keys, advance=told.append)
+    counts = board_program.run_bundle(load(made.path), made.rates, made.keys, advance=told.append)
     assert np.array_equal(counts, made.counts)
     assert sum(told) == 6
     (said,) = caplog.messages
@@ -305,7 +305,7 @@ def test_a_device_that_stays_away(seeds: pytest.MonkeyPatch, made: Made, tmp_pat
     choose(seeds, vanish_after=8)
     seeds.setattr(tempfile, "tempdir", str(tmp_path))
     with pytest.raises(LavaRunError, match=r"^Kapoho Bay answered 4 of 6 queries, then: .* No such device") as caught:
-        host_program.run_bundle(load(made.path), made.rates, made.keys)
+        board_program.run_bundle(load(made.path), made.rates, made.keys)
     assert len(str(caught.value).splitlines()) == 1
     assert "Traceback" in caught.value.traceback
     assert str(tmp_path) not in str(caught.value)
@@ -315,25 +315,27 @@ def test_a_device_that_stays_away(seeds: pytest.MonkeyPatch, made: Made, tmp_pat
 def test_run_bundle_tells_what_is_missing(seeds: pytest.MonkeyPatch, made: Made, tmp_path: Path) -> None:
     choose(seeds, start_fails=3)
     with pytest.raises(BackendUnavailableError, match="did not start in 3 attempts"):
-        host_program.run_bundle(load(made.path), made.rates, made.keys)
+        board_program.run_bundle(load(made.path), made.rates, made.keys)
     seeds.setenv("KAPOHOBAY", "")
-    assert str(host_program.kapoho_bay_available()).startswith("no Kapoho Bay is announced to NxSDK; connect it (lsusb")
+    assert str(board_program.kapoho_bay_available()).startswith(
+        "no Kapoho Bay is announced to NxSDK; connect it (lsusb"
+    )
     with pytest.raises(BackendUnavailableError, match="KAPOHOBAY is not set"):
-        host_program.run_bundle(load(made.path), made.rates, made.keys)
+        board_program.run_bundle(load(made.path), made.rates, made.keys)
     seeds.setenv("PYTHONPATH", "")
-    assert str(host_program.kapoho_bay_available()).startswith(f"nxsdk is not installed for {sys.executable}; ")
+    assert str(board_program.kapoho_bay_available()).startswith(f"nxsdk is not installed for {sys.executable}; ")
     with pytest.raises(BackendUnavailableError, match="has no nxsdk"):
-        host_program.run_bundle(load(made.path), made.rates, made.keys)
-    seeds.setenv(host_program.PYTHON, str(tmp_path / "python"))
-    assert "which cannot be started" in str(host_program.kapoho_bay_available())
+        board_program.run_bundle(load(made.path), made.rates, made.keys)
+    seeds.setenv(board_program.PYTHON, str(tmp_path / "python"))
+    assert "which cannot be started" in str(board_program.kapoho_bay_available())
     with pytest.raises(BackendUnavailableError, match="cannot be started"):
-        host_program.run_bundle(load(made.path), made.rates, made.keys)
+        board_program.run_bundle(load(made.path), made.rates, made.keys)
 
 
 def test_run_bundle_refuses_more_spikes_than_fit(seeds: pytest.MonkeyPatch, tmp_path: Path) -> None:
     made = make(tmp_path, layout("one core", random_network(steps=24, inputs=60)), images=2)
     with pytest.raises(NetworkLimitError, match=r"^query 0: 60 inputs spike in one step, but the host sends"):
-        host_program.run_bundle(load(made.path), np.full_like(made.rates, 65535), made.keys)
+        board_program.run_bundle(load(made.path), np.full_like(made.rates, 65535), made.keys)
 
 
 def test_run_bundle_refuses_an_altered_bundle(seeds: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -341,7 +343,7 @@ def test_run_bundle_refuses_an_altered_bundle(seeds: pytest.MonkeyPatch, tmp_pat
     made = make(tmp_path, layout("one core", random_network(steps=24)), images=2)
     altered(made, "host/exc.npy", lambda data: data[:-1])
     with pytest.raises(BundleError) as caught:
-        host_program.run_bundle(load(made.path), made.rates, made.keys)
+        board_program.run_bundle(load(made.path), made.rates, made.keys)
     assert str(caught.value).startswith(f"{made.path}/host/exc.npy: is missing or no array; deploy the model again")
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.deploy.bundle import folder as bundle
-from lava_vpr.deploy.bundle import programs
+from lava_vpr.deploy.bundle import targets
 from lava_vpr.deploy.bundle.folder import array_bytes
 from lava_vpr.engine.inference.biases import bias_registers
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
@@ -38,7 +38,7 @@ class Made:
 
 def files(board: str) -> dict[str, bytes]:
     """What ``program/`` of a bundle holds, by name."""
-    return {Path(name).name: data for name, data in programs.program_files(board).items()}
+    return {Path(name).name: data for name, data in targets.program_files(board).items()}
 
 
 def flat(board: str, folder: Path) -> Path:

@@ -26,8 +26,7 @@ from lava_vpr.bench.results import (
 )
 from lava_vpr.bench.show.sections import absences, tables
 from lava_vpr.cli.common import PlainConsole
-from lava_vpr.deploy.boards.constants import Constant
-from lava_vpr.deploy.boards.estimate import Estimate
+from lava_vpr.deploy.boards.constants import Constant, Estimate
 from lava_vpr.matching.answers import Answers, Together
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.matching.trust import Trust, trust

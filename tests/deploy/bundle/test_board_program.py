@@ -21,9 +21,9 @@ from support.common.small_models import encoded
 from lava_vpr.backends.interface import query_presentations
 from lava_vpr.bench.measure import board_power
 from lava_vpr.cli import main
+from lava_vpr.deploy.bundle import board_program
 from lava_vpr.deploy.bundle.folder import MANIFEST, json_bytes, load, sealed
 from lava_vpr.deploy.bundle.opening import open_bundle
-from lava_vpr.deploy.running import board_program, host_program
 from lava_vpr.errors import LavaRunError
 
 RECORDER = f"""#!{sys.executable} -I
@@ -101,7 +101,7 @@ def test_a_package_where_we_stand_is_not_asked(tmp_path: Path, monkeypatch: pyte
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("NXSDK_PYTHON", os.path.realpath(sys.executable))
     monkeypatch.delenv("PYTHONPATH", raising=False)
-    assert str(host_program.kapoho_bay_available()).startswith("nxsdk is not installed for ")
+    assert str(board_program.kapoho_bay_available()).startswith("nxsdk is not installed for ")
     assert not (tmp_path / "owned").exists()
 
 
@@ -143,9 +143,9 @@ def test_what_a_program_leaves_is_not_trusted(small: Made, kind: str, monkeypatc
         leave(folder / "out")
         return board_program.ended(folder, bundle, 0, hung=False)
 
-    monkeypatch.setattr(host_program, "run_program", ran)
+    monkeypatch.setattr(board_program, "run_program", ran)
     with pytest.raises(LavaRunError) as caught:
-        host_program.run_bundle(load(small.path), small.rates, small.keys)
+        board_program.run_bundle(load(small.path), small.rates, small.keys)
     text = str(caught.value)
     assert text.isprintable()
     assert len(text) < 1000

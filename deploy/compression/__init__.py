@@ -1,1 +1,0 @@
-"""Fewer bits and pruned weights, chosen on images."""

@@ -1,1 +1,0 @@
-"""A bundle's host program, run from here."""
