@@ -182,4 +182,4 @@ def player(bundle: ReadBundle) -> BundlePlayer:
         regular=bool(numbers["regular"]),
         bias_input=bool(numbers["bias_input"]),
     )
-    return lambda rates, keys, bias=None: BundleSpikes(*chips.run(rates, keys, bias))
+    return lambda rates, keys, bias=None: BundleSpikes(*chips.present(rates, keys, bias)[:3])

@@ -11,7 +11,7 @@ import numpy as np
 from lava_vpr import __version__
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.boards.plan import CorePlan, Plan
+from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.folder import ReadBundle, json_bytes
 from lava_vpr.deploy.bundle.readme import readme
@@ -63,14 +63,11 @@ def contents(
 ) -> tuple[dict[str, Any], dict[str, bytes], Plan]:
     """Manifest (for `deploy.bundle.folder.sealed`), files and plan of the bundle of ``model``; see `deploy`."""
     plan, target = timed(plan_of(model, board, dense_rows=dense_rows), model), TARGETS[board.name]
-    network = plan.network
     if not measured:
-        responses = measured_responses(model, network, Pool(cores()))
+        responses = measured_responses(model, plan.network, Pool(cores()))
         calibration = model.calibration if np.array_equal(responses, model.responses) else None
         model = replace(model, responses=responses, calibration=calibration)
-    files = reference_files(model)
-    files |= target.network_files(plan)
-    files |= program_files(target.program)
+    files = {**reference_files(model), **target.network_files(plan), **program_files(target.program)}
     if learning:
         from lava_vpr.deploy.bundle.learning import learning_files
 
@@ -178,17 +175,20 @@ def modelled(plan: Plan) -> dict[str, Any] | None:
 
 
 def mapping(plan: Plan) -> dict[str, Any]:
-    """What each core holds, needs and is expected to do, as JSON."""
+    """What each core holds, needs and is expected to do in a step with input, and its mean modelled time, as JSON."""
     rows = []
     for core in plan.cores:
+        load: dict[str, Any] = {name: round(load, 6) for name, load in asdict(core.load).items() if name != "busy"}
+        load["nanoseconds"] = "unknown" if core.microseconds is None else round(1e3 * core.microseconds, 6)
+        needs = {name: "unknown" if value is None else value for name, value in asdict(core.needs).items()}
         rows.append(
             {
                 "chip": core.chip,
                 "core": core.core,
                 "parts": [asdict(part) for part in core.parts],
                 "dense_input_rows": int(core.dense_inputs.sum()),
-                "needs": {name: "unknown" if value is None else value for name, value in asdict(core.needs).items()},
-                "load": _load(core),
+                "needs": needs,
+                "load": load,
             }
         )
     return {
@@ -197,9 +197,3 @@ def mapping(plan: Plan) -> dict[str, Any]:
         "hops_per_step": "unknown" if plan.hops is None else round(plan.hops, 6),
         "cores": rows,
     }
-
-
-def _load(core: CorePlan) -> dict[str, Any]:
-    """What a core is expected to do in a step with input, and its modelled time of a step, mean over all."""
-    load = {name: round(value, 6) for name, value in asdict(core.load).items() if name != "busy"}
-    return load | {"nanoseconds": "unknown" if core.microseconds is None else round(1e3 * core.microseconds, 6)}

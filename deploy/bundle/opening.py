@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.memory import UNLIMITED
@@ -24,14 +23,7 @@ from lava_vpr.model import Model
 from lava_vpr.settings.ranges import whole
 
 
-class OpenedBundle(NamedTuple):
-    """A bundle whose contents were checked, and the model in it."""
-
-    bundle: ReadBundle
-    model: Model
-
-
-def open_whole(path: Path) -> OpenedBundle:
+def open_whole(path: Path) -> tuple[ReadBundle, Model]:
     """The bundle at ``path`` and the model in it, its network rebuilt from what the board would get.
 
     Raises:
@@ -54,9 +46,9 @@ def open_whole(path: Path) -> OpenedBundle:
         if not target.learns:
             raise BundleError(f"{whole_bundle.at(SETTINGS)}: is for a board that does not learn; {AGAIN}")
         check_learning(whole_bundle, model)
-    return OpenedBundle(whole_bundle, replace(model, bundle=path))
+    return whole_bundle, replace(model, bundle=path)
 
 
 def open_bundle(path: Path) -> Model:
     """The model in the bundle at ``path``; see `open_whole`."""
-    return open_whole(path).model
+    return open_whole(path)[1]

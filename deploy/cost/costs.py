@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.clearing import rest_steps
 from lava_vpr.deploy.boards.constants import CostConstants, Estimate, Level, total
-from lava_vpr.deploy.boards.plan import CorePlan, Plan
+from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost import embedded
 from lava_vpr.deploy.cost.closed_form import step_microseconds, step_nanoseconds, step_picojoules
 from lava_vpr.deploy.cost.embedded import (
@@ -269,12 +269,6 @@ def _settings_microjoules(plan: Plan, constants: CostConstants) -> Estimate:
     return _write_picojoules(plan, constants) * (SETTING_WRITES * plan.network.inputs / 1e6)
 
 
-def _clearing_milliseconds(plan: Plan, constants: CostConstants) -> Estimate:
-    """Time of the writes that clear the membranes; each chip's processor writes its own."""
-    most = max(counts_on_chips(plan, "exc").values(), default=0)
-    return constants.register_time * (CLEARED * most / 1e6)
-
-
 def outside_steps(plan: Plan, constants: CostConstants) -> tuple[Estimate, Estimate]:
     """Microjoules and milliseconds that a query takes besides its steps: counts read and sent, states cleared, and
     inputs set if they are compartments."""
@@ -338,10 +332,11 @@ def _static(plan: Plan, milliseconds: Estimate, constants: CostConstants) -> Est
 def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Any]:
     """What `lava_vpr.deploy.boards.clearing` says, with what it takes, and what steps of rest would."""
     microjoules = _outside_steps(plan, constants)["clearing of states"]
+    most = max(counts_on_chips(plan, "exc").values(), default=0)  # each chip's processor writes its own
     told = {
         **plan.board.clearing.of(plan.network),
         "microjoules": microjoules,
-        "milliseconds": _clearing_milliseconds(plan, constants),
+        "milliseconds": constants.register_time * (CLEARED * most / 1e6),
     }
     steps = rest_steps(plan.network)
     if steps is None:
@@ -349,8 +344,9 @@ def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict
     barrier = constants.barrier(events.tiles or 1)
 
     def rest_step(level: Level) -> float:
-        """Microseconds of a step in which no spike is anywhere."""
-        busiest = max(_idle_nanoseconds(core, constants, level) for core in plan.cores)
+        """Microseconds of a step in which no spike is anywhere, while the membranes of exc decay."""
+        sizes = [(sum(part.size for part in core.parts), core.part("exc").size) for core in plan.cores]
+        busiest = max(float(constants.neuron_nanoseconds(level, mapped, exc, 0, 0)) for mapped, exc in sizes)
         return max(busiest / 1e3 + barrier.at(level), constants.step.at(level))
 
     mapped = int(events.accesses[0, 0].sum()) if events.queries else 0
@@ -360,12 +356,6 @@ def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict
         "rest_milliseconds": Estimate.of(rest_step) * (steps / 1e3),
         "cheaper": "rest steps" if rest.nominal < microjoules.nominal else "embedded writes",
     }
-
-
-def _idle_nanoseconds(core: CorePlan, constants: CostConstants, level: Level) -> float:
-    """Time of a core on which no spike arrives or is sent, while the membranes of exc decay."""
-    accesses, updates = sum(part.size for part in core.parts), core.part("exc").size
-    return float(constants.neuron_nanoseconds(level, accesses, updates, 0, 0))
 
 
 def _either(values: Sequence[float]) -> str:

@@ -108,12 +108,6 @@ class EventCounts:
         return replace(self, **arrays)
 
 
-def mapped_tiles(plan: Plan) -> int | None:
-    """Tiles that hold a core of ``plan``; None: the mesh is not public."""
-    mesh = plan.board.mesh
-    return None if mesh is None else len({(core.chip, core.core // mesh.tile_cores) for core in plan.cores})
-
-
 def routes(plan: Plan, entry: tuple[int, int] | None = None) -> Routes:
     """Where every spike goes and what it meets there; see `count_events`."""
     network, total = plan.network, len(plan.cores)
@@ -203,6 +197,7 @@ def count_events(
             step = int(differ.argmax())
             raise ValueError(f"query {query}: the spikes of step {step} are not those of the plan's network")
         count_presentation(where, network.steps, spikes, fired, pulled, replayed.after, counted[query])
+    mesh, places = plan.board.mesh, [(core.chip, core.core) for core in plan.cores]
     mapped = np.array([sum(part.size for part in core.parts) for core in plan.cores], np.int64)
     mapped_inputs = np.array([core.part("inputs").size for core in plan.cores], np.int64)
     arrays: dict[str, Any] = {name: np.ascontiguousarray(counted[..., kind]) for kind, name in enumerate(KINDS)}
@@ -214,5 +209,5 @@ def count_events(
         exc_spikes=exc.sum(axis=2, dtype=np.int64),
         inh_spikes=inh.sum(axis=2, dtype=np.int64),
         injected=not network.bias_input,
-        tiles=mapped_tiles(plan),
+        tiles=None if mesh is None else len({(chip, core // mesh.tile_cores) for chip, core in places}),
     )

@@ -17,8 +17,8 @@ import numpy as np
 
 from lava_vpr.config import Config, IntegerConfig, integer_config
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.mapping.limits import cause, check, check_without_weights, least_cores
-from lava_vpr.deploy.mapping.partition import fewest_cores
+from lava_vpr.deploy.mapping.limits import check, check_without_weights, least_cores
+from lava_vpr.deploy.mapping.partition import cause, fewest_cores
 from lava_vpr.deploy.mapping.placing import reach
 from lava_vpr.deploy.mapping.sizing import Floats, Pattern, Sizing
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -163,7 +163,7 @@ def largest(config: Config, board: Board, rows: RowKind = "sparse", weights: Ful
     elif _cores(beyond):
         limit = f"more than {_MOST:,} neurons are not looked for"
     else:
-        limit = cause(beyond, fewest_cores)
+        limit = cause(beyond)
     stored = settings.network.weight_bits + (settings.network.signed or not board.memory.one_sign)
     narrow = rows != "unknown" and any(stored <= bits < WEIGHT_BITS for bits in board.weight_bits)
     return Capacity(settings.network.weight_bits, rows, weights, share, low if sizes[0] else 0, *sizes, limit, narrow)

@@ -249,7 +249,7 @@ class CoreLayout:
 
 def layout_of(sizing: Sizing, placed: Placed) -> CoreLayout | None:
     """How the cores of ``placed`` store their rows; None if one cannot."""
-    words = np.full(placed.cores, sizing.words)
+    words = np.full(placed.cores, sizing.board.memory.capacity)
     for number, (first, inh) in enumerate(placed.inh):
         words[number] -= sizing.listened[first : first + inh].sum()
     if sizing.network.relayed:

@@ -1,5 +1,4 @@
-"""What a board refuses: limits of weights, sums, host traffic and registers whatever stands on which core; and why a
-network does not fit its cores, and what helps.
+"""What a board refuses whatever stands on which core: limits of weights, sums, host traffic and registers.
 
 Of a board of which little is public, synapses of a chip, bytes and neurons of a core bound a network. One beyond these
 bounds cannot fit. One within them may not fit, either: what axons, states and indices take is not public, and is not
@@ -8,14 +7,10 @@ counted.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.boards.memory import UNLIMITED, ByteBudget, PackedRows
+from lava_vpr.deploy.boards.memory import ByteBudget
 from lava_vpr.deploy.mapping.sizing import Integers, Sizing
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -26,7 +21,7 @@ def least_cores(sizing: Sizing) -> int:
     """Cores that neurons, and bits of weights, take at least."""
     network, board = sizing.network, sizing.board
     compartments = network.neurons + network.inhibitory + network.input_compartments
-    return max(-(-int(_weight_bits(sizing).sum()) // sizing.words), -(-compartments // board.compartments))
+    return max(-(-int(_weight_bits(sizing).sum()) // board.memory.capacity), -(-compartments // board.compartments))
 
 
 def _drawn(sizing: Sizing) -> Integers:
@@ -147,133 +142,3 @@ def check_without_weights(sizing: Sizing) -> None:
             )
             remedy = "--input-mode injected" if injected_helps else "another --target"
             raise NetworkLimitError(f"a core needs {need} {name}, but {board.title} has {limit}; use {remedy}")
-
-
-Solve = Callable[[Sizing], int | None]
-"""Cores that a network takes, None if it does not fit."""
-
-_TITLES = {
-    "axons_in": "input axons",
-    "axons_out": "output axons",
-    "synapse_words": "words of synapse memory",
-}
-"""The limits of a core that more cores relieve, as messages call them."""
-
-_STARTS = 1 << 10
-"""Ranges that are sized at once."""
-
-_SHARES = (0.5, 0.6, 0.7, 0.8, 0.9)
-"""Shares of the weights that are tried to be pruned."""
-
-
-def refusal(sizing: Sizing, solve: Solve) -> NetworkLimitError:
-    """Why a network does not fit, and what helps; every remedy that is named has been tried."""
-    return NetworkLimitError(f"{cause(sizing, solve)}; {_remedy(sizing, solve)}")
-
-
-def cause(sizing: Sizing, solve: Solve) -> str:
-    """The resource that a network lacks, its need and its limit."""
-    network, board = sizing.network, sizing.board
-    cores = board.chips * board.cores
-    total = (1 + sizing.counters) * network.neurons + network.inhibitory + network.input_compartments
-    if total > cores * board.compartments:
-        members = ["neurons"] + ["their counters"] * sizing.counters + ["inputs"] * bool(network.input_compartments)
-        what = ", ".join(members[:-1]) + " and " * (len(members) > 1) + members[-1]
-        have = cores * board.compartments
-        return f"{what} need {total:,} compartments, but the {cores:,} cores of {board.title} have {have:,}"
-    if isinstance(board.memory, ByteBudget):
-        return (
-            f"the weights of {network.neurons:,} neurons, some of which stand on a core together, need more than the "
-            f"{cores:,} cores of {board.memory.core_bytes:,} bytes of {board.title}"
-        )
-    limits = {"axons_in": board.axons_in, "axons_out": board.axons_out, "synapse_words": sizing.words}
-    listened = int(sizing.listened.max())
-    for name in ("axons_in", "synapse_words"):
-        if listened > limits[name]:
-            return (
-                f"an inhibitory neuron that listens to {listened:,} others needs {listened:,} {_TITLES[name]}, but a "
-                f"core of {board.title} has {limits[name]:,}"
-            )
-    share = -(-network.neurons // cores)
-    for name, need in _least_needs(sizing, share).items():
-        if need > limits[name]:
-            return (
-                f"a core with {share:,} of {network.neurons:,} neurons needs {need:,} {_TITLES[name]}, but a core of "
-                f"{board.title} has {limits[name]:,}"
-            )
-    # The resource without whose limit the network would fit on the fewest cores; if there is none, cores.
-    without = {name: solve(replace(sizing, board=_without(board, name))) for name in _TITLES}
-    lacking = {many: name for name, many in reversed(without.items()) if many}
-    many = solve(replace(sizing, board=replace(board, cores=8 * board.cores)))
-    needed = f"{many:,}" if many else f"more than {8 * cores:,}"
-    name = lacking.get(min(lacking, default=0), "")
-    of_each = f" of {limits[name]:,} {_TITLES[name]}" if name else ""
-    return f"{network.neurons:,} neurons need {needed} cores{of_each}, but {board.title} has {cores:,}"
-
-
-def _without(board: Board, name: str) -> Board:
-    """``board`` without its limit ``name``."""
-    if name == "synapse_words":
-        return replace(board, memory=PackedRows(UNLIMITED, board.memory.index_bits))
-    return replace(board, **{name: UNLIMITED})  # type: ignore[arg-type]
-
-
-def _least_needs(sizing: Sizing, neurons: int) -> dict[str, int]:
-    """What a core with so many neurons takes at least, whichever they are, without anything beside them."""
-    least = {"axons_in": UNLIMITED, "axons_out": 2 * neurons, "synapse_words": UNLIMITED}
-    mask, count = sizing.pattern.mask, sizing.network.neurons
-    if neurons > sizing.largest:
-        return {"axons_out": 2 * neurons}
-    for begin in range(0, count - neurons + 1, _STARTS):
-        part = np.cumsum(mask[:, begin : begin + _STARTS + neurons - 1], axis=1, dtype=np.int32)
-        part = np.concatenate([np.zeros((len(mask), 1), np.int32), part], axis=1)
-        counts = part[:, neurons:] - part[:, :-neurons]
-        active, words = sizing.taken(np.full(counts.shape[1], neurons), counts)
-        least["axons_in"] = min(least["axons_in"], int(active.min()) + sizing.inhibits + sizing.counters * neurons)
-        least["synapse_words"] = min(least["synapse_words"], int(words.min()))
-    return least
-
-
-def _remedy(sizing: Sizing, solve: Solve) -> str:
-    """The remedies that help, each tried."""
-    network, board, remedies = sizing.network, sizing.board, []
-    spikes = host_spikes(replace(network, bias_input=False), sizing.rates)
-    if network.bias_input and spikes <= board.host_spikes and solve(_with(sizing, bias_input=False)):
-        remedies.append("--input-mode injected")
-    for bits in range(network.bits - 1, 0, -1):
-        less = network.bits - bits
-        weights = (np.sign(network.weights) * (np.abs(network.weights) >> less)).astype(np.int16)
-        inhibition = network.inhibition >> less
-        if _says_something(weights) and solve(_with(sizing, bits=bits, weights=weights, inhibition=inhibition)):
-            remedies.append(f"--weight-bits {bits}")
-            break
-    order = np.argsort(np.abs(network.weights), axis=0, kind="stable")
-    for share in _SHARES:
-        weights = np.array(network.weights)
-        np.put_along_axis(weights, order[: round(share * network.inputs)], 0, axis=0)
-        if _says_something(weights) and solve(_with(sizing, weights=weights)):
-            remedies.append(f"--prune {share:g}")
-            break
-    if not sizing.dense_rows and board.memory.public and solve(replace(sizing, dense_rows=True)):
-        remedies.append("--dense-rows (unproven)")
-    if remedies:
-        return "use " + " or ".join(remedies)
-    low, high = 0, network.neurons
-    while high - low > 1:
-        middle = (low + high) // 2
-        weights, bias = np.ascontiguousarray(network.weights[:, :middle]), network.bias[:middle]
-        fits = solve(_with(sizing, weights=weights, bias=bias))
-        low, high = (middle, high) if fits else (low, middle)
-    return (
-        f"use at most {low:,} neurons, so fewer places or network.neurons_per_place" if low else "use another --target"
-    )
-
-
-def _says_something(weights: NDArray[np.int16]) -> bool:
-    """Whether every neuron keeps a weight."""
-    return bool(weights.any(axis=0).all())
-
-
-def _with(sizing: Sizing, **changes: object) -> Sizing:
-    """The sizing of the network with ``changes``, on the same board."""
-    return replace(sizing, network=replace(sizing.network, **changes))  # type: ignore[arg-type]

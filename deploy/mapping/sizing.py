@@ -47,11 +47,6 @@ class Pattern:
     mask: NDArray[np.bool_] = field(repr=False)
     kind: Integers = field(repr=False)
 
-    @classmethod
-    def of(cls, network: FixedNetwork) -> Pattern:
-        """The pattern of ``network``, every input a kind of its own."""
-        return cls(network.weights != 0, np.arange(network.inputs))
-
     @cached_property
     def members(self) -> Integers:
         """Inputs of each kind, int64 (kinds,)."""
@@ -80,8 +75,8 @@ class Sizing:
 
     @cached_property
     def pattern(self) -> Pattern:
-        """Which weights are not 0."""
-        return self.given or Pattern.of(self.network)
+        """Which weights are not 0: as given, or of the network, every input a kind of its own."""
+        return self.given or Pattern(self.network.weights != 0, np.arange(self.network.inputs))
 
     @property
     def inhibits(self) -> bool:
@@ -149,11 +144,6 @@ class Sizing:
             f"{self.board.title} stores weights of at most {max(self.board.weight_bits)} bits, but inhibition "
             f"{self.network.lateral} needs more; change network.inhibition"
         )
-
-    @cached_property
-    def words(self) -> int:
-        """Words of synapse memory that a core's rows may take; bits, where a core's bytes are all that is public."""
-        return self.board.memory.capacity
 
     @property
     def counters(self) -> int:

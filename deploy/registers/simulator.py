@@ -36,19 +36,18 @@ from lava_vpr.loihi import (
 Cores = tuple[tuple[int, int], ...]
 
 
-@dataclass(frozen=True)
-class Presented:
+class Presented(NamedTuple):
     """What the chips made of some presentations.
 
     Attributes:
-        counts: Spikes of each exc neuron, as the membrane of its counter holds them, int32 (n, neurons).
         exc, inh, inputs: Every spike, uint8 (n, steps, width).
+        counts: Spikes of each exc neuron, as the membrane of its counter holds them, int32 (n, neurons).
     """
 
+    exc: NDArray[np.uint8]
+    inh: NDArray[np.uint8]
+    inputs: NDArray[np.uint8]
     counts: NDArray[np.int32]
-    exc: NDArray[np.uint8] = field(repr=False)
-    inh: NDArray[np.uint8] = field(repr=False)
-    inputs: NDArray[np.uint8] = field(repr=False)
 
 
 class _Core(NamedTuple):
@@ -208,13 +207,6 @@ class Chips:
             bias_input=bias_input,
         )
 
-    def run(
-        self, rates: NDArray[np.uint16], keys: NDArray[np.uint64], bias: NDArray[np.int32] | None = None
-    ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]:
-        """Every spike of exc, inh and inputs, uint8 (n, steps, width); see `present`."""
-        seen = self.present(rates, keys, bias)
-        return seen.exc, seen.inh, seen.inputs
-
     def present(
         self,
         rates: NDArray[np.uint16],
@@ -249,7 +241,7 @@ class Chips:
             counts[q] = state.v[self.counters] // COUNTER_UNIT
             exc[q], inh[q] = film[:, self.exc], film[:, self.inh]
             sent[q] = film[:, self.inputs] if self.bias_input else drawn
-        return Presented(counts, exc, inh, sent)
+        return Presented(exc, inh, sent, counts)
 
     def _written(self) -> NDArray[np.int64]:
         """The input compartments that the host writes to: they integrate a bias, relays do not."""

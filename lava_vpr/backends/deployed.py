@@ -40,10 +40,10 @@ def bundle_of(model: Model, board: Board = KAPOHO_BAY) -> Iterator[ReadBundle]:
         NetworkLimitError: the model does not fit the board.
     """
     if model.bundle is not None:
-        opened = open_whole(model.bundle)
-        if not _same(opened.model, model):
+        bundle, opened = open_whole(model.bundle)
+        if not _same(opened, model):
             raise BundleError(f"{shown(model.bundle)}: was replaced while it was in use; run the command again")
-        yield opened.bundle
+        yield bundle
         return
     with temporary_folder() as folder:
         yield deploy(model, board, folder / "bundle", picture=False).bundle

@@ -51,7 +51,7 @@ def test_what_is_public_of_loihi_2() -> None:
 def test_bounds_are_counted_as_by_hand() -> None:
     sizing = on()
     assert int(sizing.taken(np.array([NEURONS]), sizing.counts(0, NEURONS)[:, None])[1][0]) == STORED
-    assert (sizing.words, least_cores(sizing), exceeded(sizing)) == (8 * 196_608, 1, "")
+    assert (sizing.board.memory.capacity, least_cores(sizing), exceeded(sizing)) == (8 * 196_608, 1, "")
     assert least_cores(on(core_bytes=STORED // 8 - 1)) == 2
 
 

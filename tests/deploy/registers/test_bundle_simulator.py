@@ -26,7 +26,7 @@ def compare(plan: Plan, seed: int) -> tuple[int, Chips]:
     """Every spike equals the engine's; how many of exc there were."""
     network, chips = plan.network, chips_of(plan)
     rates, keys = pictures(network, 3, seed)
-    exc, inh, inputs = chips.run(rates, keys)
+    exc, inh, inputs, _ = chips.present(rates, keys)
     _, _, film = count_spikes(network, rates, keys, raster=True)
     drawn = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
     assert np.array_equal(inputs, drawn)
@@ -81,7 +81,7 @@ def test_each_presentation_stands_alone(bias_input: bool) -> None:
     assert np.array_equal(whole.counts, whole.exc.sum(axis=1))
     assert np.array_equal(whole.counts, count_spikes(plan.network, rates, keys)[0])
     for q in (4, 0, 2):
-        assert np.array_equal(chips.run(rates[[q]], keys[[q]])[0][0], whole.exc[q])
+        assert np.array_equal(chips.present(rates[[q]], keys[[q]])[0][0], whole.exc[q])
     assert chips.present(rates[:0], keys[:0]).counts.shape == (0, 20)
 
 
@@ -147,7 +147,7 @@ def test_a_flipped_bit_of_a_weight_is_seen(bias_input: bool) -> None:
     plan = busy_plan(bias_input=bias_input)
     images = core_images(plan)
     rates, keys = pictures(plan.network, 4, 2)
-    good = chips_of(plan).run(rates, keys)[0]
+    good = chips_of(plan).present(rates, keys)[0]
     seen, flips = 0, 0
     for k, image in enumerate(images):
         forms = [None if form is None else SynapseFormat.of(form, "") for form in image.registers["synapseFmt"]]
@@ -159,7 +159,7 @@ def test_a_flipped_bit_of_a_weight_is_seen(bias_input: bool) -> None:
             words[first] ^= np.uint64(1 << BLOCK_HEADER_BITS + form.bits - 1)  # highest of an input's first weight
             others = (*images[:k], replace(image, synapses=words), *images[k + 1 :])
             flips += 1
-            seen += not np.array_equal(chips_of(plan, others).run(rates, keys)[0], good)
+            seen += not np.array_equal(chips_of(plan, others).present(rates, keys)[0], good)
     assert flips > 40
     assert seen > 0.7 * flips  # not every weight decides over a spike; `network_of` sees them all
 
@@ -223,7 +223,7 @@ def test_what_does_not_come_to_rest_is_an_error() -> None:
     with pytest.raises(
         ModelFileError, match=r"^presentation 0: \d+ spikes are still on their way after its last step;"
     ):
-        chips_of(plan, silent_steps=0).run(rates, keys)
+        chips_of(plan, silent_steps=0).present(rates, keys)
     images = core_images(plan)
     chip, core, _ = host_tables(plan).inh[0]
     last = [(image.chip, image.core) for image in images].index((chip, core))
@@ -232,7 +232,7 @@ def test_what_does_not_come_to_rest_is_an_error() -> None:
         with pytest.raises(
             ModelFileError, match=r"^chip \d core \d+ compartment \d+: is not at rest after presentation"
         ):
-            chips_of(plan, (*images[:last], image, *images[last + 1 :])).run(rates, keys)
+            chips_of(plan, (*images[:last], image, *images[last + 1 :])).present(rates, keys)
 
     slow = with_registers(images[last], "cxProfileCfg", 2, decayV=0)
     refused(with_registers(slow, "vthProfileCfg", 2, vth=100000))  # an inhibitory neuron that only adds up
@@ -244,10 +244,10 @@ def test_inputs_are_silent_because_their_bias_is_off() -> None:
     plan = busy_plan(bias_input=True)
     rates, keys = pictures(plan.network, 20, 1)
     good = chips_of(plan)
-    _, late, sent = (train[:, plan.network.steps :] for train in good.run(rates, keys))
+    _, late, sent = (train[:, plan.network.steps :] for train in good.present(rates, keys)[:3])
     assert late.any(), "nothing happens in the silent steps"
     assert not sent.any()
     # Inputs that nobody switches off go on, and their spikes are then seen to be still on their way.
     never = replace(good, steps=good.steps + good.silent_steps, silent_steps=0)
     with pytest.raises(ModelFileError, match="spikes are still on their way after its last step"):
-        never.run(rates, keys)
+        never.present(rates, keys)
