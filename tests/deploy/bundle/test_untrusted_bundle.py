@@ -194,7 +194,7 @@ KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
         "cores",
         "hold no network of ours (index 1568 is out of bounds",
     ),
-    "injected nowhere": (array("host/injection.npy", at(0, 3, -1)), f"{CORE}/synapses.npy", "contradicts the rest"),
+    "injected nowhere": (array("host/injection.npy", at(0, 3, -1)), f"{CORE}/synapses.npy", "but must be uint64 (27"),
     "registers of truths": (
         values(REGISTERS, "cxProfileCfg", 0, "enableNoise", False),
         REGISTERS,
@@ -255,8 +255,9 @@ KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
     "responses below 0": (array("host/responses.npy", at(0, 0, -1)), "host/responses.npy", "contradicts the rest"),
     "learning": (text(LEARNING, b"{}"), LEARNING, "is for a board that does not learn"),
 }
-GROUPS = ("cxProfileCfg", "vthProfileCfg", "synapseFmt", "dendriteSharedCfg", "numUpdates")
-KAPOHO |= {f"no {name}": (values(REGISTERS, name, None), "cores", "deploy the model again") for name in GROUPS}
+KAPOHO["no synapseFmt"] = values(REGISTERS, "synapseFmt", None), "cores", "deploy the model again"
+GROUPS = ("cxProfileCfg", "vthProfileCfg", "dendriteSharedCfg", "numUpdates")
+KAPOHO |= {f"no {name}": (values(REGISTERS, name, None), REGISTERS, "contradicts the rest") for name in GROUPS}
 LOIHI_2: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
     "true for 1": (values(PARAMETERS, "exc", "reset_offset", True), PARAMETERS, "contradicts the rest of the bundle"),
     "1.0 for 1": (values(PARAMETERS, "relay", "weight_exp", 0.0), PARAMETERS, "contradicts the rest"),
