@@ -200,12 +200,12 @@ def test_an_accumulator_that_overflows_is_an_error() -> None:
         plan = saturated(excitation, signed)
         shown = always[:, : plan.network.inputs]
         with pytest.raises(NetworkLimitError, match=text):
-            chips_of(plan).run(shown, keys)
-        chips_of(plan).run(shown // 40000, keys)  # where they do not meet
+            chips_of(plan).present(shown, keys)
+        chips_of(plan).present(shown // 40000, keys)  # where they do not meet
     weights = np.array([[127, -127, -127], *[[0, -127, -127]] * 130], np.int16)
     inhibited = replace(saturated(1, signed=True).network, weights=weights, inhibition=127, inhibition_exponent=7)
     with pytest.raises(NetworkLimitError, match="receives 32,893 in step 3 of presentation 0"):
-        chips_of(simple_plan(inhibited, 3, 1)).run(always[:, :131], keys)
+        chips_of(simple_plan(inhibited, 3, 1)).present(always[:, :131], keys)
 
 
 def with_registers(image: CoreImage, group: str, index: int | None, **values: Any) -> CoreImage:
