@@ -245,7 +245,7 @@ def run_bundle(
     is started afresh, which is logged as a warning (`lava_vpr`).
 
     Args:
-        bundle: The bundle, whose data the shipped program gets (`lava_vpr.deploy.running.board_program`).
+        bundle: The bundle, whose data the shipped program gets (`lava_vpr.deploy.bundle.board_program`).
         rates: Spikes a step in units of 2^-16, uint16 (n, inputs).
         keys: Keys of the presentations, uint64 (n,).
         bias: Biases of each presentation in units of v, int32 (n, neurons); None: always the bundle's.
