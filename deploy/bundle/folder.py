@@ -110,7 +110,8 @@ class ReadBundle:
         """
         for name, data in files.items():
             if name.endswith(".json"):
-                equal = _same_json(self.json(name), json.loads(data))
+                held, wanted = (json.dumps(value, sort_keys=True) for value in (self.json(name), json.loads(data)))
+                equal = held == wanted  # as JSON has them: true and 1.0 are not 1
             else:
                 array = array_of(data)
                 equal = np.array_equal(self.array(name, array.dtype, array.shape), array)
@@ -129,11 +130,6 @@ def array_bytes(array: NDArray[Any]) -> bytes:
 def json_bytes(value: Any) -> bytes:
     """``value`` as JSON for people and programs; equal values give equal bytes."""
     return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
-
-
-def _same_json(one: Any, other: Any) -> bool:
-    """Whether two values are equal as JSON has them: true and 1.0 are not 1."""
-    return json.dumps(one, sort_keys=True) == json.dumps(other, sort_keys=True)
 
 
 def _strict_json(data: bytes) -> Any:

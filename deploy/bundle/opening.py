@@ -16,7 +16,7 @@ from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.core_files import scalars
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle
 from lava_vpr.deploy.bundle.learning import SETTINGS, check_learning
-from lava_vpr.deploy.bundle.references import References
+from lava_vpr.deploy.bundle.references import read_references, referenced
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.errors import BundleError, brief
 from lava_vpr.model import Model
@@ -36,12 +36,12 @@ def open_whole(path: Path) -> tuple[ReadBundle, Model]:
     spikes = limits.get("host_spikes") if isinstance(limits, dict) else None
     if most < UNLIMITED and not (isinstance(spikes, int) and whole(spikes) and 0 <= spikes <= most):
         raise BundleError(f"{at}: has host_spikes {brief(spikes)}, of 0..{most}; {AGAIN}")
-    references = References.of(whole_bundle, stated)
+    kept = read_references(whole_bundle, stated)
     rebuilt = target.network(whole_bundle)
     for name, number in {"inputs": rebuilt.inputs, "neurons": rebuilt.neurons, **rebuilt.scalars}.items():
         if number != stated[name]:
             raise BundleError(f"{at}: says {name} {stated[name]}, but its other files say {number}; {AGAIN}")
-    model = references.model(rebuilt)
+    model = referenced(whole_bundle, *kept, rebuilt)
     if SETTINGS in whole_bundle.files:
         if not target.learns:
             raise BundleError(f"{whole_bundle.at(SETTINGS)}: is for a board that does not learn; {AGAIN}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -50,54 +49,45 @@ def rates_of(bundle: ReadBundle, name: str, expected: NDArray[np.uint16]) -> NDA
     return rates
 
 
-@dataclass(frozen=True)
-class References:
-    """The references in a bundle, as far as they can be checked without its network.
+def read_references(bundle: ReadBundle, stated: Mapping[str, int]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """What `lava_vpr.model.content` kept of the references in ``bundle``, seen to be for a network of the stated size.
 
-    Attributes:
-        bundle: The bundle that they are in.
-        header, arrays: What `lava_vpr.model.content` kept.
+    Raises:
+        ModelFileError: they cannot be read, or a query is beyond the limits.
+        BundleError: they are for another network.
     """
+    header, arrays = container.unpack(bundle.data(REFERENCES), bundle.path / REFERENCES, "references")
+    at = bundle.at(REFERENCES)
+    try:
+        config = from_dict(header.get("config"))
+        check_query(config, stated["neurons"])
+    except LavaVprError as error:
+        raise BundleError(f"{at}: the settings cannot be used ({error}); {AGAIN}") from None
+    if config.encoder.inputs != stated["inputs"]:
+        said = f"says inputs {stated['inputs']}, but the settings in {REFERENCES} make {config.encoder.inputs}"
+        raise BundleError(f"{bundle.at(MANIFEST)}: {said}; {AGAIN}")
+    return header, arrays
 
-    bundle: ReadBundle
-    header: dict[str, Any]
-    arrays: dict[str, NDArray[Any]]
 
-    @classmethod
-    def of(cls, bundle: ReadBundle, stated: Mapping[str, int]) -> References:
-        """The references in ``bundle``, seen to be for a network of the size that it states.
+def referenced(
+    bundle: ReadBundle, header: dict[str, Any], arrays: dict[str, NDArray[Any]], network: FixedNetwork
+) -> Model:
+    """The model that references make with the bundle's ``network``; the host's arrays are those that belong to it.
 
-        Raises:
-            ModelFileError: they cannot be read, or a query is beyond the limits.
-            BundleError: they are for another network.
-        """
-        path = bundle.path / REFERENCES
-        header, arrays = container.unpack(bundle.data(REFERENCES), path, "references")
-        at = bundle.at(REFERENCES)
-        try:
-            config = from_dict(header.get("config"))
-            check_query(config, stated["neurons"])
-        except LavaVprError as error:
-            raise BundleError(f"{at}: the settings cannot be used ({error}); {AGAIN}") from None
-        if config.encoder.inputs != stated["inputs"]:
-            said = f"says inputs {stated['inputs']}, but the settings in {REFERENCES} make {config.encoder.inputs}"
-            raise BundleError(f"{bundle.at(MANIFEST)}: {said}; {AGAIN}")
-        return cls(bundle, header, arrays)
-
-    def model(self, network: FixedNetwork) -> Model:
-        """The model that they make with the bundle's ``network``; the host's arrays are those that belong to it.
-
-        Raises:
-            ModelFileError: they are no model's.
-            BundleError: the parts do not fit each other.
-        """
-        bundle = self.bundle
-        model = assemble(bundle.path / REFERENCES, self.header, self.arrays, network)
-        said = bundle.manifest["network"].get("places", model.places)
-        if not whole(said) or said != model.places:
-            raise BundleError(f"{bundle.at(MANIFEST)}: says places {brief(said)}, but holds {model.places}; {AGAIN}")
-        rates = rates_of(bundle, RATES, query_rates16(model.activity, model.config.encoder))
-        keys, responses = response_keys(rates, model.config.seed), model.responses.astype(np.int32)
-        own: dict[str, NDArray[Any]] = {KEYS: keys, RESPONSES: responses, LABELS: model.labels}
-        bundle.demand({name: array_bytes(array) for name, array in own.items()})
-        return model
+    Args:
+        bundle: The bundle that they are in.
+        header, arrays: From `read_references`.
+        network: The bundle's.
+    Raises:
+        ModelFileError: they are no model's.
+        BundleError: the parts do not fit each other.
+    """
+    model = assemble(bundle.path / REFERENCES, header, arrays, network)
+    said = bundle.manifest["network"].get("places", model.places)
+    if not whole(said) or said != model.places:
+        raise BundleError(f"{bundle.at(MANIFEST)}: says places {brief(said)}, but holds {model.places}; {AGAIN}")
+    rates = rates_of(bundle, RATES, query_rates16(model.activity, model.config.encoder))
+    keys, responses = response_keys(rates, model.config.seed), model.responses.astype(np.int32)
+    own: dict[str, NDArray[Any]] = {KEYS: keys, RESPONSES: responses, LABELS: model.labels}
+    bundle.demand({name: array_bytes(array) for name, array in own.items()})
+    return model

@@ -92,12 +92,6 @@ def between_queries(plan: Plan) -> dict[int, Accesses]:
     return found
 
 
-def of_biases(plan: Plan) -> dict[int, Accesses]:
-    """Accesses of each chip's processor for the biases of an adapted query."""
-    sizes = {chip: members(plan, chip, "exc") for chip in chips_of(plan)}
-    return {chip: Accesses(BIAS_ACCESSES * exc + cores, _received(exc)) for chip, (exc, cores) in sizes.items()}
-
-
 def milliseconds(accesses: dict[int, Accesses], constants: CostConstants) -> Estimate:
     """The time of what every chip's processor does by itself: that of the busiest."""
     times = [own.nanoseconds(constants) for own in accesses.values()]
@@ -192,7 +186,9 @@ def bias_milliseconds(plan: Plan, constants: CostConstants) -> Estimate:
     sizes = counts_on_chips(plan, "exc").values()
     packets = sum(_packets(size, ROOM) for size in sizes)
     messages = Estimate(packets, packets, sum(sizes))
-    return messages * (constants.host_message.nominal / 1e3) + milliseconds(of_biases(plan), constants)
+    chips = {chip: members(plan, chip, "exc") for chip in chips_of(plan)}
+    written = {chip: Accesses(BIAS_ACCESSES * exc + cores, _received(exc)) for chip, (exc, cores) in chips.items()}
+    return messages * (constants.host_message.nominal / 1e3) + milliseconds(written, constants)
 
 
 def _injected(plan: Plan, events: EventCounts, chips: Sequence[int]) -> list[float]:

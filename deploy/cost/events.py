@@ -18,7 +18,7 @@ nor updated.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -30,8 +30,6 @@ from lava_vpr.deploy.mapping.mesh import tiles
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.membranes import membranes
 from lava_vpr.engine.presentations import Trains
-
-_DERIVED = ("accesses", "input_accesses", "input_spikes", "exc_spikes", "inh_spikes")
 
 
 @dataclass(frozen=True)
@@ -101,11 +99,6 @@ class EventCounts:
         """The sum over steps and cores of the events ``name``, int64 (n,)."""
         values = getattr(self, name)
         return np.asarray(values.sum(axis=tuple(range(1, values.ndim)), dtype=np.int64))
-
-    def part(self, queries: slice) -> EventCounts:
-        """The events of some of the queries."""
-        arrays: dict[str, Any] = {name: getattr(self, name)[queries] for name in (*KINDS, *_DERIVED)}
-        return replace(self, **arrays)
 
 
 def routes(plan: Plan, entry: tuple[int, int] | None = None) -> Routes:

@@ -262,5 +262,3 @@ EMBEDDED: tuple[HardwareBelief, ...] = (
     ),
 )
 """What the embedded program does."""
-
-CALLS: tuple[HardwareBelief, ...] = HOST + POWER + EMBEDDED

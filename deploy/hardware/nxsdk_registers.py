@@ -194,5 +194,3 @@ SYNAPSES: tuple[HardwareBelief, ...] = (
     _register("synapseMap.discreteMapEntry.cxBase", 0, "385"),
 )
 """Synapse formats, synapses and rows."""
-
-REGISTERS: tuple[HardwareBelief, ...] = NEURONS + SYNAPSES

@@ -153,8 +153,12 @@ def largest(config: Config, board: Board, rows: RowKind = "sparse", weights: Ful
     high = places = _at_most(config, board, rows, weights)
     step = max(1, high // 128)
     while low < high:  # the largest is little below what all cores hold without anything else
-        found = _neurons_and_cores(config, board, places, rows, weights)
-        low, sizes, high = (low, sizes, places - 1) if found is None else (places, found, high)
+        sizing = _sizing(config, board, places, rows, weights)
+        cores = None if isinstance(sizing, str) else _cores(sizing)
+        if isinstance(sizing, str) or cores is None:
+            high = places - 1
+        else:
+            low, sizes = places, (sizing.network.neurons, cores)
         places, step = (max(2, high - step), 2 * step) if low == 1 else ((low + high + 1) // 2, step)
     share = round(float(shares(settings, weights).mean()), 3)
     beyond = _sizing(config, board, low + 1, rows, weights)
@@ -196,69 +200,38 @@ def _sizing(config: Config, board: Board, places: int, rows: RowKind, weights: F
     return sizing
 
 
-def _neurons_and_cores(
-    config: Config, board: Board, places: int, rows: RowKind, weights: Fullness
-) -> tuple[int, int] | None:
-    """Neurons and cores of so many places; None if they do not fit."""
-    sizing = _sizing(config, board, places, rows, weights)
-    cores = None if isinstance(sizing, str) else _cores(sizing)
-    return None if isinstance(sizing, str) or cores is None else (sizing.network.neurons, cores)
-
-
 def _cores(sizing: Sizing) -> int | None:
     """Cores of a network; the least, where little of the board is public. None: it does not fit."""
     return fewest_cores(sizing) if sizing.board.memory.public else least_cores(sizing)
 
 
-Told = Callable[[str], None]
-"""A function that is told each map that was found, in words."""
+MapCase = tuple[Config, RowKind, Fullness]
+"""Settings, a way of counting rows, and a network, of which `largest` is asked."""
 
 
-def searches(config: Config, board: Board, weight_bits: int | None) -> int:
-    """How many maps `table` looks for, or `capacities` if the width of a weight is given.
+def cases(config: Config, board: Board, weight_bits: int | None) -> tuple[MapCase, ...]:
+    """What maps are looked for: all ways of counting rows on ``board``, and both networks.
 
-    Raises:
-        ConfigError: ``config`` learns no integer network.
-    """
-    widths = len(_widths(config, board)) if weight_bits is None else 1
-    return widths * len(_kinds(board)) * len(NETWORKS)
-
-
-def _widths(config: Config, board: Board) -> range:
-    """Bits of a weight's magnitude that ``board`` stores."""
-    return range(1, max(board.weight_bits) - integer_config(config, board.title).network.signed + 1)
-
-
-def _kinds(board: Board) -> tuple[RowKind, ...]:
-    """The ways of counting rows on ``board``."""
-    return ("sparse", "dense") if board.memory.public else ("unknown",)
-
-
-def table(config: Config, board: Board, told: Told | None = None) -> tuple[Capacity, ...]:
-    """`largest` for every width of a weight that ``board`` stores, both ways of counting rows, and both networks.
-
-    What public sources show comes first. ``told`` is told of each.
-
+    Args:
+        config: The settings.
+        board: The board.
+        weight_bits: Bits of a weight's magnitude, those of ``config``; None: every width that ``board`` stores.
     Raises:
         ConfigError: ``config`` learns no integer network.
     """
     settings = integer_config(config, board.title)
+    widths = range(1, max(board.weight_bits) - settings.network.signed + 1)
+    wide = [replace(config, network=replace(settings.network, weight_bits=bits)) for bits in widths]
+    kinds: tuple[RowKind, ...] = ("sparse", "dense") if board.memory.public else ("unknown",)
+    return tuple(product(wide if weight_bits is None else [config], kinds, NETWORKS))
+
+
+def table(
+    config: Config, board: Board, weight_bits: int | None = None, told: Callable[[str], None] = lambda text: None
+) -> tuple[Capacity, ...]:
+    """`largest` of all `cases`; what public sources show comes first. ``told`` is told of each, in words."""
     found: list[Capacity] = []
-    for bits in _widths(config, board):
-        own = replace(config, network=replace(settings.network, weight_bits=bits))
-        found += capacities(own, board, told)
+    for own, rows, weights in cases(config, board, weight_bits):
+        found.append(largest(own, board, rows, weights))
+        told(f"{found[-1].weight_bits} bits, rows {rows}, weights {weights}: {found[-1].places:,} places")
     return tuple(sorted(found, key=lambda row: not row.proven))
-
-
-def capacities(config: Config, board: Board, told: Told | None = None) -> tuple[Capacity, ...]:
-    """`largest` with both ways of counting rows, and both networks; ``told`` is told of each.
-
-    Raises:
-        ConfigError: ``config`` learns no integer network.
-    """
-    found = []
-    for rows, weights in product(_kinds(board), NETWORKS):
-        found.append(largest(config, board, rows, weights))
-        if told is not None:
-            told(f"{found[-1].weight_bits} bits, rows {rows}, weights {weights}: {found[-1].places:,} places")
-    return tuple(found)

@@ -115,20 +115,15 @@ class CoreLayout:
         """Output axons of each input, int64 (inputs,): one for each core that it reaches."""
         return np.count_nonzero(self.reached, axis=0)
 
-    @property
-    def added(self) -> float:
-        """Operations in a step that dense rows add, summed over the cores."""
-        return sum(rows.added for rows in self.rows)
-
     @cached_property
     def loads(self) -> tuple[Load, ...]:
         """What each core is expected to do in a step."""
         return tuple(self._load(number) for number in range(self.placed.cores))
 
     @property
-    def busiest(self) -> float:
-        """What a step keeps the busiest core busy."""
-        return max(load.busy for load in self.loads)
+    def costs(self) -> tuple[float, float]:
+        """Operations in a step that dense rows add, all cores; and what a step keeps the busiest core busy."""
+        return sum(rows.added for rows in self.rows), max(load.busy for load in self.loads)
 
     def _own(self, number: int) -> tuple[int, slice, slice]:
         """Excitatory neurons, inhibitory ones and inputs of a core."""

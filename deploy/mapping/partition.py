@@ -67,7 +67,7 @@ def partition(
     layouts = [layout for layout in found if layout is not None]
     if not layouts:
         raise refusal(sizing)
-    layout = min(layouts, key=attrgetter("added", "busiest"))
+    layout = min(layouts, key=attrgetter("costs"))
     positions, hops = assign_cores(layout.traffic(), board)
     order = np.lexsort((positions[:, 1], positions[:, 0]))
     cores = tuple(layout.core_plan(int(number), *positions[number].tolist()) for number in order)

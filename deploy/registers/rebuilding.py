@@ -56,13 +56,6 @@ def _root_ways(images: Sequence[CoreImage], tables: HostTables) -> NDArray[np.in
     return np.concatenate([np.zeros((0, 3), np.int32), *(own[own[:, 0] == compartment, 1:] for own in ways)])
 
 
-class _Ways(NamedTuple):
-    """Where spikes to exc go, as `_input_ways` and `_root_ways` have them."""
-
-    of_inputs: NDArray[np.int32]
-    of_root: NDArray[np.int32]
-
-
 class _Found(NamedTuple):
     """What memory holds of a network while it is read: weights int16 (inputs, neurons), biases int32 (neurons,), bits
     of the inputs' and of the root's synapses."""
@@ -73,7 +66,13 @@ class _Found(NamedTuple):
     inhibition_bits: set[int]
 
 
-def _read_core(image: CoreImage, parts: tuple[PopulationPart, ...], ways: _Ways, found: _Found) -> CorePlan:
+def _read_core(
+    image: CoreImage,
+    parts: tuple[PopulationPart, ...],
+    input_ways: NDArray[np.int32],
+    root_ways: NDArray[np.int32],
+    found: _Found,
+) -> CorePlan:
     """Add what a core's compartments and memory hold to ``found``; returns its plan."""
     registers = image.registers["synapseFmt"]
     formats = [None if form is None else SynapseFormat.of(form, image.name) for form in registers]
@@ -95,14 +94,14 @@ def _read_core(image: CoreImage, parts: tuple[PopulationPart, ...], ways: _Ways,
     rows = unpack(image.synapses, entries, formats, len(image.compartments), image.name)
     values = rows.currents(formats) >> INPUT_SHIFT
     here = (image.chip, image.core)
-    of_inputs = ways.of_inputs[(ways.of_inputs[:, 1:3] == here).all(axis=1)]
+    of_inputs = input_ways[(input_ways[:, 1:3] == here).all(axis=1)]
     for number, row in zip(of_inputs[:, 0], row_of_axon[of_inputs[:, 3]], strict=True):
         synapses, form = slice(rows.starts[row], rows.starts[row + 1]), formats[rows.formats[row]]
         found.weights[number, owner[rows.compartments[synapses]]] = values[synapses]
         if form is not None:
             dense[number] = form.index_bits == 0
             found.weight_bits.add(form.weight_bits)
-    of_root = ways.of_root[(ways.of_root[:, :2] == here).all(axis=1)]
+    of_root = root_ways[(root_ways[:, :2] == here).all(axis=1)]
     root_forms = [formats[number] for number in rows.formats[row_of_axon[of_root[:, 2]]]]
     found.inhibition_bits.update(form.weight_bits for form in root_forms if form is not None)
     return core
@@ -133,8 +132,8 @@ def plan_of(images: Sequence[CoreImage], tables: HostTables, scalars: Mapping[st
     """
     empty = outline(scalars)
     weights, bias = np.zeros(empty.weights.shape, np.int16), np.zeros(empty.neurons, np.int32)
-    found, ways = _Found(weights, bias, set(), set()), _Ways(_input_ways(images, tables), _root_ways(images, tables))
-    cores = tuple(_read_core(image, _parts(tables, image.chip, image.core), ways, found) for image in images)
+    found, ways = _Found(weights, bias, set(), set()), (_input_ways(images, tables), _root_ways(images, tables))
+    cores = tuple(_read_core(image, _parts(tables, image.chip, image.core), *ways, found) for image in images)
     network = replace(empty, weights=weights, bias=bias)
     network.check()
     fewest = min(bits for bits in board.weight_bits if bits >= board.stored_bits(network))

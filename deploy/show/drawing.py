@@ -94,7 +94,11 @@ class _Mesh:
 @themed(_STYLE)
 def draw(plan: Plan) -> bytes:
     """``plan`` as an SVG file, 1200 pixels wide."""
-    return _svg(figure_of(plan))
+    text = io.StringIO()
+    figure_of(plan).savefig(text, format="svg", metadata={"Date": None}, facecolor=_PAPER)  # no date, no program's name
+    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", text.getvalue(), flags=re.DOTALL)
+    lines = re.sub(r'(width|height)="([\d.]+)pt"', r'\1="\2"', svg, count=2).splitlines()  # points become pixels
+    return ("\n".join(line.rstrip() for line in lines) + "\n").encode()
 
 
 def figure_of(plan: Plan) -> Figure:
@@ -114,20 +118,12 @@ def figure_of(plan: Plan) -> Figure:
     _legend(axes, plan, head + 10)
     for chip, mesh in enumerate(meshes):
         _chip(axes, plan, chip, mesh)
-    _text(axes, MARGIN, below, _cards_title(plan, cards), 12.5, weight="bold")
+    some = "" if len(cards) == len(plan.cores) else f"the {len(cards)} busiest of {len(plan.cores)} "
+    _text(axes, MARGIN, below, f"{some}cores in use", 12.5, weight="bold")
     for number, core in enumerate(cards):
         row, column = divmod(number, _CARD_COLUMNS)
         _card(axes, plan, core, (MARGIN + column * (wide + GAP), below + 26 + row * (high + GAP), wide, high))
     return figure
-
-
-def _svg(figure: Figure) -> bytes:
-    """``figure`` as a file that holds no date and no program's name."""
-    text = io.StringIO()
-    figure.savefig(text, format="svg", metadata={"Date": None}, facecolor=_PAPER)
-    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", text.getvalue(), flags=re.DOTALL)
-    lines = re.sub(r'(width|height)="([\d.]+)pt"', r'\1="\2"', svg, count=2).splitlines()  # points become pixels
-    return ("\n".join(line.rstrip() for line in lines) + "\n").encode()
 
 
 def _width(text: str, size: float) -> float:
@@ -247,13 +243,6 @@ def _cards(plan: Plan) -> list[CorePlan]:
         return list(plan.cores)
     busy = sorted(plan.cores, key=lambda core: -(core.microseconds or core.load.busy))[:_CARD_COLUMNS]
     return [core for core in plan.cores if core in busy]
-
-
-def _cards_title(plan: Plan, cards: list[CorePlan]) -> str:
-    """The heading of the cards."""
-    if len(cards) == len(plan.cores):
-        return "cores in use"
-    return f"the {len(cards)} busiest of {len(plan.cores)} cores in use"
 
 
 def _limits(plan: Plan, core: CorePlan) -> list[tuple[str, int, int]]:

@@ -79,14 +79,10 @@ def core_table(plan: Plan, *, most: int = MOST_ROWS) -> Table:
     figures = ("compartments", "axons in", "axons out", "synapse memory", "dense rows", "sparse rows", "a step")
     rules = frozenset({len(rows)})
     rows.append(_totals(plan))
-    return Table(("core", "holds", *figures), rows, (_caption(plan),), plan.board.title, words=2, rules=rules)
-
-
-def _caption(plan: Plan) -> str:
-    """The table's caption, which says what its words mean."""
     bits = _bits(plan.weight_bits)
-    row = f"row: the synapses of an input on a core, {bits} each, sparse ones with an index; a step: modelled time"
-    return f"{row}, of all with the barrier and the embedded program" if plan.times is not None else row
+    words = f"row: the synapses of an input on a core, {bits} each, sparse ones with an index; a step: modelled time"
+    caption = f"{words}, of all with the barrier and the embedded program" if plan.times is not None else words
+    return Table(("core", "holds", *figures), rows, (caption,), plan.board.title, words=2, rules=rules)
 
 
 def _bits(bits: int) -> str:

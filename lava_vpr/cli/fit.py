@@ -146,9 +146,9 @@ def _largest(
     chosen = {"weight_bits": weight_bits, "input_mode": mode, "neurons_per_place": neurons_per_place}
     changes = {name: value for name, value in chosen.items() if value is not None}
     config = update(preset("loihi"), {"network": changes, "views": {"shifts": views}})
-    find = largest_map.table if weight_bits is None else largest_map.capacities
-    with progress_bar("looking for the largest maps", largest_map.searches(config, board, weight_bits)) as advance:
-        rows = find(config, board, lambda found: advance(1, found))
+    searches = len(largest_map.cases(config, board, weight_bits))
+    with progress_bar("looking for the largest maps", searches) as advance:
+        rows = largest_map.table(config, board, weight_bits, lambda found: advance(1, found))
     values = [asdict(row) | {"proven": row.proven, "at_most": not board.memory.public} for row in rows]
     return show_results(
         [_capacities(board, rows, views)], {json_path: {"target": board.name, "views": views, "largest": values}}

@@ -13,13 +13,12 @@ from support.boards.small_boards import even
 from support.boards.small_boards import network as small_network
 
 from lava_vpr import loihi
-from lava_vpr.bench import results
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.boards.constants import HOST_POWER, LEVELS, LOIHI_1, Constant, Estimate, total
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost import costs, embedded
 from lava_vpr.deploy.cost.closed_form import step_microseconds, step_nanoseconds, step_picojoules
-from lava_vpr.deploy.cost.costs import BoardFigures, Modelled, all_microseconds, modelled, outside_steps
+from lava_vpr.deploy.cost.costs import BoardFigures, all_microseconds, modelled, outside_steps
 from lava_vpr.deploy.cost.events import KINDS, EventCounts, count_events
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.engine.inference import fixed
@@ -335,8 +334,3 @@ def test_barrier_by_tiles() -> None:
     assert (LOIHI_1.barrier(1).low, LOIHI_1.barrier(32).low, LOIHI_1.barrier(64).low) == (0.113, 0.465, 0.465)
     assert 0.113 < LOIHI_1.barrier(16).low < 0.465
     assert all(LOIHI_1.barrier(t).high == LOIHI_1.barrier(t).nominal for t in (1, 32))
-
-
-def test_bench_shows_this_very_class() -> None:
-    assert results.Modelled is Modelled
-    assert LEVELS == ("low", "nominal", "high")

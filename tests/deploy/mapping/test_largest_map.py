@@ -14,7 +14,7 @@ from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.boards.memory import PackedRows
-from lava_vpr.deploy.mapping.largest_map import MEAN_MAGNITUDE, Capacity, capacities, largest, sizing_of, table
+from lava_vpr.deploy.mapping.largest_map import MEAN_MAGNITUDE, Capacity, largest, sizing_of, table
 from lava_vpr.deploy.mapping.limits import check
 from lava_vpr.deploy.mapping.partition import fewest_cores
 from lava_vpr.encoding import Keep, encode_traverse
@@ -81,7 +81,7 @@ def test_neurons_without_stretches_say_nothing_of_places() -> None:
 
 
 def test_only_integer_networks_fit() -> None:
-    for function in (largest, table, capacities):
+    for function in (largest, table):
         with pytest.raises(
             ConfigError,
             match=r"^Kapoho Bay \(two Loihi 1 chips\) needs an integer network, .* train with --preset loihi",
@@ -108,7 +108,7 @@ def test_rows_for_every_width_that_a_board_stores() -> None:
 
 def test_what_takes_less_leaves_room_for_more() -> None:
     board = replace(KAPOHO_BAY, cores=4, memory=PackedRows(3000))
-    found = {(row.rows, row.weights): row for row in capacities(config(), board)}
+    found = {(row.rows, row.weights): row for row in table(config(), board, 7)}
     for weights in ("typical", "every"):
         assert found["dense", weights].places > found["sparse", weights].places
     for rows in ("sparse", "dense"):
@@ -121,7 +121,7 @@ def test_what_takes_less_leaves_room_for_more() -> None:
 @pytest.mark.slow
 def test_the_default_preset_on_the_real_board() -> None:
     """Eight thousand places with the index of every weight, even if there were no zero; synapse memory binds."""
-    found = {(row.rows, row.weights): row for row in capacities(preset("loihi"), KAPOHO_BAY)}
+    found = {(row.rows, row.weights): row for row in table(preset("loihi"), KAPOHO_BAY, 7)}
     assert found["sparse", "every"].places > 8_000
     assert found["sparse", "typical"].places > 15_000
     assert found["dense", "every"].places > 20_000

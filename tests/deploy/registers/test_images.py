@@ -27,7 +27,7 @@ from lava_vpr.deploy.registers.core_images import (
 from lava_vpr.deploy.registers.synapses import lateral_synapse
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.errors import ModelFileError, NetworkLimitError
+from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import LOIHI_1_WEIGHT_BITS
 
 
@@ -229,72 +229,3 @@ def test_lateral_weights() -> None:
 def test_what_loihi_1_cannot_do_is_refused() -> None:
     with pytest.raises(NetworkLimitError, match=r"decay 4096 does not fit 0\.\.4095; raise"):
         core_images(small_plan(decay=4096))
-
-
-def altered(images: tuple[CoreImage, ...], tables: HostTables, seed: int) -> tuple[Any, HostTables, str]:
-    """Images and tables with one number changed, and where."""
-    rng = np.random.default_rng(seed)
-    where = str(
-        rng.choice(
-            ["compartments", "synapses", "axons_in", "axons_out", "injection", "inputs", "exc", "counters", "inh"]
-        )
-    )
-    k = int(rng.integers(len(images)))
-    source = images[k] if hasattr(images[k], where) else tables
-    array = getattr(source, where).copy()
-    if array.size == 0:
-        return altered(images, tables, seed + 1000)
-    change = 1 << int(rng.integers(64)) if where == "synapses" else int(rng.choice([-1000, -1, 1, 1000]))
-    at = np.unravel_index(int(rng.integers(array.size)), array.shape)
-    array[at] = int(array[at]) ^ change if where == "synapses" else array[at] + change
-    if source is tables:
-        return images, replace(tables, **{where: array}), where
-    return (*images[:k], replace(images[k], **{where: array}), *images[k + 1 :]), tables, where
-
-
-@pytest.mark.parametrize("bias_input", [False, True])
-def test_one_wrong_number_is_refused_or_is_another_network(bias_input: bool) -> None:
-    network = random_network(3, signed=True, bias_input=bias_input, size=(30, 20), bits=5, inhibition=60, decay=130)
-    plan = simple_plan(network, 4, 5)
-    images, tables, told = core_images(plan), host_tables(plan), scalars_of(network)
-    refused = set()
-    for seed in range(120):
-        others, other_tables, where = altered(images, tables, seed)
-        text = ""
-        try:
-            found = network_of(others, other_tables, told)
-            # A weight or a bias has changed, or what one input did is now another's.
-            assert where in ("compartments", "synapses", "axons_out", "injection")
-            assert np.array_equal(found.weights, network.weights) == (where == "compartments")
-            assert np.array_equal(found.bias, network.bias) == (where != "compartments")
-        except ModelFileError as error:
-            text = str(error)
-            refused.add(where)
-        assert "\n" not in text
-        assert "; deploy the model again" in text or not text
-    expected = {"compartments", "synapses", "axons_in", "axons_out", "exc", "counters", "inh"}
-    assert refused == expected | {"inputs" if bias_input else "injection"}
-
-
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        ({"threshold": 8}, "cores/chip0-core004/registers.json: contradicts"),
-        ({"decay": 7}, "cores/chip0-core004/registers.json: contradicts"),
-        ({"bits": 2}, "hold no network of ours .weights need 2 bits"),
-        ({"signed": 2}, "does not describe the network .signed 2, of 0..1"),
-        ({"inhibition": 11}, "cores/chip0-core004/synapses.npy: contradicts"),
-        ({"inhibition_exponent": 2}, "cores/chip0-core004/registers.json: contradicts"),
-        ({"neurons": 4}, r"host/exc.npy: is int32 .3, 3., but must be int32 .4, 3."),
-        ({"regular": 1, "bias_input": 1}, r"host/inputs.npy: is int32 .0, 3., but must be int32 .2, 3."),
-        ({"inputs": 1}, "hold no network of ours"),
-    ],
-)
-def test_scalars_that_the_images_do_not_bear_out(change: dict[str, int], text: str) -> None:
-    plan = small_plan()
-    told = scalars_of(plan.network)
-    assert equal(network_of(core_images(plan), host_tables(plan), told), plan.network)
-    with pytest.raises(ModelFileError, match=text):
-        network_of(core_images(plan), host_tables(plan), told | change)
-    with pytest.raises(ModelFileError, match=r"does not describe the network .neurons None"):
-        network_of(core_images(plan), host_tables(plan), {"inputs": 2})
