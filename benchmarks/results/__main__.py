@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import click
 
-from benchmarks.results.rows import FILE, Record, ResultRow
+from benchmarks.results.rows import FILE, Record, ResultRow, name_of, places_of
 from benchmarks.results.tables import ROWS
 from lava_vpr.errors import LavaVprError
 from scripts.pages import bring_up_to_date as write_pages
@@ -20,8 +20,8 @@ from scripts.pages import bring_up_to_date as write_pages
 
 def bring_up_to_date(record: Record, rows: Sequence[ResultRow], every: bool) -> None:
     """Compute what is out of date of ``rows``, or all, and write each down; what is no row any more goes."""
-    names = () if every else {row.name for row in rows}
-    record.rows = {name: row for name, row in record.rows.items() if name in names}
+    names = () if every else {name_of(*place) for place in places_of(rows)}
+    record.kept = {name: one for name, one in record.kept.items() if name in names}
     record.bring_up_to_date(rows)
     record.write()
 

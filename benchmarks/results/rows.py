@@ -174,28 +174,28 @@ class Record:
     """A cache of experiments that is one file: docs/results.json, or none.
 
     Attributes:
-        rows: By the name of a row ``settings``, ``sources`` (hashes) and ``figures`` by section and seed.
+        kept: By `name_of` a place its key and its figures.
         file: Where it is written after each section and seed; None: nowhere.
         task: Computes the figures of a row on a section with a seed.
     """
 
-    rows: dict[str, dict[str, Any]]
+    kept: dict[str, tuple[str, Figures]]
     file: Path | None = None
     task: Callable[[ResultRow, PlacesSection, int], Figures] = measure
 
     @classmethod
     def read(cls, file: Path = FILE, **fields: Any) -> Record:
         """The file; nothing of it where there is none."""
-        rows = json.loads(file.read_text(encoding="utf-8"))["rows"] if file.exists() else {}
-        return cls(rows, file, **fields)
+        kept = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+        return cls({name: (key, figures) for name, (key, figures) in kept.items()}, file, **fields)
 
     def bring_up_to_date(self, rows: Iterable[ResultRow], seeds: Sequence[int] = SEEDS) -> None:
         """Compute what is not known of rows under today's hashes, each on its sections with every seed."""
         compute(
             lambda _, place: self.task(*place),
-            [(row, section, seed) for row in rows for section in row.sections for seed in seeds],
+            places_of(rows, seeds),
             cache=self,
-            in_words=lambda place: f"{place[0].name}: {key_of(*place[1:])}",
+            in_words=lambda place: name_of(*place),
             advance=lambda done, note: click.echo(note, err=True) if done else None,
         )
 
@@ -205,36 +205,27 @@ class Record:
 
     def find(self, place: Place, key: str) -> Figures | None:
         """The figures of a section and a seed that were computed under these hashes; None if there are none."""
-        return self._under(place[0], key).get(key_of(*place[1:]))
+        known, figures = self.kept.get(name_of(*place), ("", None))
+        return figures if known == key else None
 
     def keep(self, place: Place, key: str, figures: Figures) -> None:
-        """Take up the figures of a section and a seed, and write the file; under other hashes the row begins anew."""
-        settings, sources = key.split()
-        known = self._under(place[0], key) | {key_of(*place[1:]): figures}
-        self.rows[place[0].name] = {"settings": settings, "sources": sources, "figures": known}
+        """Take up the figures of a section and a seed, and write the file."""
+        self.kept[name_of(*place)] = key, figures
         self.write()
-
-    def _under(self, row: ResultRow, key: str) -> dict[str, Figures]:
-        """The figures of a row that were computed under these hashes."""
-        kept = self.rows.get(row.name, {})
-        return kept["figures"] if [kept.get("settings"), kept.get("sources")] == key.split() else {}
 
     def write(self) -> None:
         """Write the file, if there is one, a line for every section and seed."""
         if self.file is None:
             return
-        rows = []
-        for name, row in sorted(self.rows.items()):
-            keys = "".join(f'  "{key}": {json.dumps(row[key])},\n' for key in ("settings", "sources"))
-            figures = ",\n".join(f"   {json.dumps(key)}: {json.dumps(value)}" for key, value in row["figures"].items())
-            rows.append(f' {json.dumps(name)}: {{\n{keys}  "figures": {{\n{figures}\n  }}\n }}')
-        text = '{"rows": {\n' + ",\n".join(rows) + "\n}}\n"
-        write_atomically(self.file, lambda out: out.write(text.encode()))
+        lines = ",\n".join(f"{json.dumps(name)}: {json.dumps(self.kept[name])}" for name in sorted(self.kept))
+        write_atomically(self.file, lambda out: out.write(f"{{\n{lines}\n}}\n".encode()))
 
     @property
     def origin(self) -> tuple[str, str]:
         """One hash of the settings of all rows, and one of the sources (of all, where they differ)."""
-        settings, sources = (sorted({row[part] for row in self.rows.values()}) for part in ("settings", "sources"))
+        settings, sources = (
+            sorted(set(of)) for of in zip(*(key.split() for key, _ in self.kept.values()), strict=True)
+        )
         return short_hash(" ".join(settings)), sources[0] if len(sources) == 1 else short_hash(" ".join(sources))
 
     def mean(
@@ -247,8 +238,7 @@ class Record:
         """The means of a matcher's figures over sections and seeds; costs are those of the first seed."""
         seeds = SEEDS[:1] if matcher == "costs" else seeds
         chosen = row.sections if sections is None else sections
-        figures = self.rows[row.name]["figures"]
-        values = [figures[key_of(section, seed)][matcher] for section in chosen for seed in seeds]
+        values = [self.kept[name_of(row, section, seed)][1][matcher] for section in chosen for seed in seeds]
         return [float(value) for value in np.mean(values, axis=0)]
 
     def cell(self, row: ResultRow, matcher: str = "network", sections: Sequence[PlacesSection] | None = None) -> str:
@@ -256,6 +246,11 @@ class Record:
         return " / ".join(f"{value:.1f}" for value in self.mean(row, matcher, sections))
 
 
-def key_of(section: PlacesSection, seed: int) -> str:
-    """What the figures of a section and a seed are kept under."""
-    return f"{section}, seed {seed}"
+def name_of(row: ResultRow, section: PlacesSection, seed: int) -> str:
+    """What the figures of a row on a section with a seed are kept under."""
+    return f"{row.name}: {section}, seed {seed}"
+
+
+def places_of(rows: Iterable[ResultRow], seeds: Sequence[int] = SEEDS) -> list[Place]:
+    """The points of the grid, each row on its sections with every seed."""
+    return [(row, section, seed) for row in rows for section in row.sections for seed in seeds]

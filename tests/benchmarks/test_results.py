@@ -19,13 +19,13 @@ from lava_vpr.experiments.cache import modules_of
 
 def names(row: rows.ResultRow) -> list[str]:
     """What the figures of a row are kept under."""
-    return [rows.key_of(section, seed) for section in row.sections for seed in rows.SEEDS]
+    return [rows.name_of(*place) for place in rows.places_of([row])]
 
 
 def test_the_file_has_every_section_and_seed_of_todays_rows_under_todays_settings() -> None:
-    today = {row.name: (rows.settings_hash(row), {*names(row)}) for row in tables.ROWS}
-    assert {name: (kept["settings"], {*kept["figures"]}) for name, kept in Record.read().rows.items()} == today, REMEDY
-    assert len(today) == len(tables.ROWS)
+    today = {name: rows.settings_hash(row) for row in tables.ROWS for name in names(row)}
+    assert {name: key.split()[0] for name, (key, _) in Record.read().kept.items()} == today, REMEDY
+    assert len({row.name for row in tables.ROWS}) == len(tables.ROWS)
 
 
 def test_what_decides_the_figures_is_derived_from_imports() -> None:
@@ -38,12 +38,15 @@ def test_what_decides_the_figures_is_derived_from_imports() -> None:
 
 def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:
     row, file = LEARNED[DEFAULT], tmp_path / "results.json"
-    figures = {
-        rows.key_of(section, seed): {"network": [90.0 + k + seed, 80.5, 7.25], "costs": [2.0 * k, 1.0]}
+    kept: dict[str, tuple[str, rows.Figures]] = {
+        rows.name_of(row, section, seed): (
+            "settings sources",
+            {"network": [90.0 + k + seed, 80.5, 7.25], "costs": [2.0 * k, 1.0]},
+        )
         for k, section in enumerate(FIVE)
         for seed in rows.SEEDS
     }
-    made = Record({row.name: {"settings": "of today", "sources": "of today", "figures": figures}}, file)
+    made = Record(kept, file)
     made.write()
     read = Record.read(file)
     assert read == made
@@ -51,7 +54,8 @@ def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert read.cell(row, sections=FIVE[2:]) == "94.0 / 80.5 / 7.2"
     assert read.mean(row, seeds=(0,))[0] == 92.0
     assert read.mean(row, "costs") == [4.0, 1.0]
-    assert Record.read(tmp_path / "none.json").rows == {}
+    assert read.origin == (rows.short_hash("settings"), "sources")
+    assert Record.read(tmp_path / "none.json").kept == {}
 
 
 def test_what_is_up_to_date_is_not_computed_again(tmp_path: Path) -> None:
@@ -67,10 +71,10 @@ def test_what_is_up_to_date_is_not_computed_again(tmp_path: Path) -> None:
         asked.append(row.name)
         return {"network": [1.0, 2.0, 3.0]}
 
-    old = Record({"gone": {"settings": "", "sources": "", "figures": {}}}, file, measured)
+    old = Record({"gone: nordland 0:100, seed 0": ("", {})}, file, measured)
     with pytest.raises(KeyboardInterrupt):
         command.bring_up_to_date(old, [one, two], every=False)
-    assert {name: len(kept["figures"]) for name, kept in Record.read(file).rows.items()} == {one.name: 15, "two": 5}
+    assert {*Record.read(file).kept} == {*names(one), *names(two)[:5]}
     anew, other, all_of = ["two"] * 15, dataclasses.replace(two, tolerance=1), [one.name] * 15 + ["two"] * 15
     inhibited = dataclasses.replace(two, config=update(two.config, {"network": {"inhibition": 0.66}}))
     for last, every, computed in (
@@ -87,7 +91,7 @@ def test_what_is_up_to_date_is_not_computed_again(tmp_path: Path) -> None:
     place = (inhibited, FIVE[0], 0)
     assert found.find(place, found.key(place)) == {"network": [1.0, 2.0, 3.0]}
     assert found.find(place, Record({}).key(place)) is None  # another program
-    assert {*found.rows["two"]["figures"]} == {*names(two)}
+    assert {*found.kept} == {*names(one), *names(two)}
 
 
 def test_what_the_page_says_of_its_tables_is_so() -> None:
@@ -118,5 +122,5 @@ def test_a_section_of_each_row_is_what_the_file_says(kind: str, data_root: Path)
     kept = Record.read()
     for row in tables.KINDS[kind]:
         place = row.sections[0], rows.SEEDS[0]
-        known = kept.rows[row.name]["figures"][rows.key_of(*place)]
+        known = kept.kept[rows.name_of(row, *place)][1]
         assert rows.measure(row, *place) == known, f"{row.name}: if that is meant, {REMEDY}"
