@@ -2,7 +2,7 @@
 
 Each step is a command in the environment of this interpreter. The log says when, on which commit and with which
 versions it ran, what every step printed last and how it ended; it is written in one step, and also if a step fails. Run
-it on a committed tree and commit the log. Paths of the machine are left out of it.
+it on a committed tree, with real images (LAVA_VPR_DATA), and commit the log. Paths of the machine are left out of it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LOG = ROOT / "docs" / "logs" / "ci-torch.log"
 PACKAGES = ("torch", "torchvision", "lava-dl", "lava-nc", "snntorch", "nirtorch", "nir", "neurobench", "numpy")
 IMAGES = "LAVA_VPR_DATA"
-PASSED, FAILED, LEFT_OUT = "passed", "failed", "left out"
+PASSED, FAILED = "passed", "failed"
 _COUNTS = re.compile(r"^(\d+ \w+.*) in [\d.]+s", re.MULTILINE)
 """What a quiet pytest prints last, as in ``3 passed, 1 skipped in 2.50s``."""
 
@@ -39,14 +39,12 @@ class Step(NamedTuple):
     Attributes:
         name: What it shows.
         words: What follows the interpreter.
-        images: Whether it is nothing without real images.
         lines: How many of its last lines the log keeps.
         seconds: What it may take.
     """
 
     name: str
     words: tuple[str, ...]
-    images: bool = False
     lines: int = 25
     seconds: float = 3600
 
@@ -56,7 +54,7 @@ class StepOutcome(NamedTuple):
 
     Attributes:
         step: Which.
-        result: ``passed``, ``failed`` or ``left out``.
+        result: ``passed`` or ``failed``.
         why: What else is to be said of that, in a few words; may be empty.
         said: Its last lines.
         seconds: What it took.
@@ -78,8 +76,8 @@ STEPS = (
         "Learning by SLAYER and NetX, with lava-dl",
         _pytest("tests/training", "tests/exchange", "-k", "slayer or netx"),
     ),
-    Step("Exported NIR graphs in snnTorch", ("-m", "benchmarks.exchange.compare"), images=True, lines=40),
-    Step("Our metrics beside NeuroBench's", ("-m", "benchmarks.neurobench.metrics"), images=True, lines=200),
+    Step("Exported NIR graphs in snnTorch", ("-m", "benchmarks.exchange.compare"), lines=40),
+    Step("Our metrics beside NeuroBench's", ("-m", "benchmarks.neurobench.metrics"), lines=200),
     Step(
         "Our metrics beside NeuroBench's, on small networks",
         _pytest("tests/bench/test_workload.py", "-k", "equal_those_of_the_package"),
@@ -87,17 +85,8 @@ STEPS = (
 )
 
 
-def images_at_hand() -> bool:
-    """Whether the environment names a folder of real images."""
-    named = os.environ.get(IMAGES, "")
-    return bool(named) and (Path(named) / "data").is_dir()
-
-
-def judged(step: Step, ended: Ended, images: bool) -> tuple[str, str]:
-    """The result of a step, and why.
-
-    A run of pytest that skips is no proof: without images it may skip what needs them, with images nothing.
-    """
+def judged(step: Step, ended: Ended) -> tuple[str, str]:
+    """The result of a step, and why: a run of pytest that skips is no proof."""
     if ended.code:
         return FAILED, f"exit code {ended.code}"
     if "pytest" not in step.words:
@@ -106,21 +95,19 @@ def judged(step: Step, ended: Ended, images: bool) -> tuple[str, str]:
     counts = {word: int(number) for number, word in re.findall(r"(\d+) (\w+)", lines[-1])} if lines else {}
     if not counts.get("passed"):
         return FAILED, "no test ran"
-    if images and counts.get("skipped"):
+    if counts.get("skipped"):
         return FAILED, "tests were skipped although the images are there"
     return PASSED, ""
 
 
-def run(step: Step, images: bool) -> StepOutcome:
-    """Run a step to its end, or leave it out where it needs images and there are none."""
-    if step.images and not images:
-        return StepOutcome(step, LEFT_OUT, f"{IMAGES} names no real images")
+def run_step(step: Step) -> StepOutcome:
+    """Run a step to its end."""
     started = time.perf_counter()
     try:
         ended = run_child([sys.executable, *step.words], seconds=step.seconds, folder=ROOT)
     except subprocess.TimeoutExpired:
         return StepOutcome(step, FAILED, f"took more than {step.seconds:.0f} s", "", time.perf_counter() - started)
-    result, why = judged(step, ended, images)
+    result, why = judged(step, ended)
     text = ended.out.rstrip() + (f"\n{ended.err.rstrip()}" if ended.code else "")
     said = "\n".join(line.rstrip() for line in text.splitlines()[-step.lines :])
     return StepOutcome(step, result, why, said, time.perf_counter() - started)
@@ -163,14 +150,13 @@ def without_paths(text: str) -> str:
     return text
 
 
-def written(outcomes: Sequence[StepOutcome], when: datetime.datetime, tree: str, images: bool) -> str:
+def written(outcomes: Sequence[StepOutcome], when: datetime.datetime, tree: str) -> str:
     """The log.
 
     Args:
         outcomes: Of all steps, in order.
         when: The start, in UTC.
         tree: The commit, and how the tree was.
-        images: Whether there were real images.
     """
     head = {
         "result": _result(outcomes),
@@ -178,7 +164,7 @@ def written(outcomes: Sequence[StepOutcome], when: datetime.datetime, tree: str,
         "commit": tree,
         "python": f"{platform.python_version()}, {os.cpu_count()} processors",
         "packages": ", ".join(f"{name} {version}" for name, version in versions().items()),
-        "images": f"those of {IMAGES}" if images else f"none: {IMAGES} names none",
+        "images": f"those of {IMAGES}",
         "total": f"{sum(outcome.seconds for outcome in outcomes):.0f} s",
     }
     parts = ["\n".join(f"{name + ':':<10}{value}" for name, value in head.items())]
@@ -191,10 +177,8 @@ def written(outcomes: Sequence[StepOutcome], when: datetime.datetime, tree: str,
 
 
 def _result(outcomes: Sequence[StepOutcome]) -> str:
-    counts = {result: sum(outcome.result == result for outcome in outcomes) for result in (FAILED, LEFT_OUT)}
-    if counts[FAILED]:
-        return f"{counts[FAILED]} of {len(outcomes)} steps failed"
-    return f"passed, {counts[LEFT_OUT]} of {len(outcomes)} steps left out" if counts[LEFT_OUT] else "passed"
+    failed = sum(outcome.result == FAILED for outcome in outcomes)
+    return f"{failed} of {len(outcomes)} steps failed" if failed else PASSED
 
 
 def main(words: Sequence[str] | None = None, steps: Sequence[Step] = STEPS, say: Callable[[str], None] = print) -> int:
@@ -202,15 +186,15 @@ def main(words: Sequence[str] | None = None, steps: Sequence[Step] = STEPS, say:
     parser = argparse.ArgumentParser(description="Run what needs torch; exit with 1 if a step fails.")
     parser.add_argument("--log", type=Path, default=LOG, help="default: docs/logs/ci-torch.log")
     log = Path(parser.parse_args(words).log).absolute()
-    when, images, before = datetime.datetime.now(datetime.timezone.utc), images_at_hand(), state(log)
+    when, before = datetime.datetime.now(datetime.timezone.utc), state(log)
     outcomes = []
     for step in steps:
         say(f"{step.name} ...")
-        outcomes.append(run(step, images))
+        outcomes.append(run_step(step))
         say(f"  {outcomes[-1].result} {outcomes[-1].why}".rstrip() + f", {outcomes[-1].seconds:.0f} s")
     clean = "clean" if before[1] else "with changes that are not committed"
     moved = "" if state(log) == before else "; it changed under way"
-    text = written(outcomes, when, f"{before[0]} ({clean}{moved})", images)
+    text = written(outcomes, when, f"{before[0]} ({clean}{moved})")
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(log, lambda file: file.write(text.encode("utf-8")))
