@@ -179,7 +179,7 @@ def answered(scenario: Scenario, config: Config, template: bool) -> Recognition:
     return recognise(model, encoded(scenario.queries, config), truth, comparison, pool=Pool(cores()))
 
 
-def measured(make: Callable[[int, Random], Scenario], point: tuple[int, int]) -> dict[str, Metrics]:
+def reached(make: Callable[[int, Random], Scenario], point: tuple[int, int]) -> dict[str, Metrics]:
     """What each way to learn reaches in a scenario of a part with a seed, and cosine, as far as that is shown."""
     part, seed = point
     scenario, found = make(part, np.random.default_rng((seed, part))), {}
@@ -195,7 +195,7 @@ def measured(make: Callable[[int, Random], Scenario], point: tuple[int, int]) ->
 
 def compared(make: Callable[[int, Random], Scenario], parts: Sequence[int], seeds: Sequence[int]) -> list[str]:
     """The cells of a scenario: of each way to learn, and of cosine."""
-    found = list(compute(measured, list(product(parts, seeds)), shared=make).values())
+    found = list(compute(reached, list(product(parts, seeds)), shared=make).values())
     return [recall([one[name] for one in found]) if name in found[0] else "" for name in (*LEARNERS, "cosine")]
 
 

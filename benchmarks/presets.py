@@ -145,7 +145,7 @@ def cases_of(config: Config, seeds: Sequence[int] = SEEDS) -> list[Case]:
     return cases
 
 
-def measured(cases: Sequence[Case], settings: Mapping[str, float], ceiling: bool = True) -> PresetMeans:
+def preset_means(cases: Sequence[Case], settings: Mapping[str, float], ceiling: bool = True) -> PresetMeans:
     """What the models of ``cases`` recall with ``settings``."""
     runs = [run_of(case, dict(settings), KAPOHO_BAY, cores()) for case in cases]
     results = [figures(run, (np.inf,))[0] for run in runs]
@@ -158,7 +158,7 @@ def measured(cases: Sequence[Case], settings: Mapping[str, float], ceiling: bool
 
 def as_learned(cases: Sequence[Case]) -> PresetMeans:
     """What models recall as they are."""
-    return measured(cases, current(cases[0].model), ceiling=False)
+    return preset_means(cases, current(cases[0].model), ceiling=False)
 
 
 def _ceiling(case: Case, model: Model) -> float:
@@ -215,8 +215,8 @@ def choose(base: Config, part: str, values: Mapping[str, Sequence[Any]], log: Lo
 def choose_network(base: Config, cases: Sequence[Case], fresh: Sequence[Case], goal: Goal, log: Log) -> Config:
     """``base`` with the network of the best recall within ``goal``; ``fresh`` are cases of other seeds."""
     start = {**current(cases[0].model), **goal.start, "steps": float(goal.steps)}
-    wins = better(log, goal.microjoules, lambda settings: measured(fresh, settings))
-    trials = descend(start, NETWORK, lambda settings: measured(cases, settings), wins)
+    wins = better(log, goal.microjoules, lambda settings: preset_means(fresh, settings))
+    trials = descend(start, NETWORK, lambda settings: preset_means(cases, settings), wins)
     return configured(base, log.chosen(trials, str))
 
 

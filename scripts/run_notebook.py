@@ -114,7 +114,7 @@ def warnings_of(notebook: nbformat.NotebookNode) -> str:
     return "".join(output.text for output in outputs if output.get("name") == "stderr")
 
 
-def run(path: Path, timeout: int, save: bool) -> str | None:
+def run_notebook(path: Path, timeout: int, save: bool) -> str | None:
     """Execute the notebook ``path``, and write its outputs into it if they are to be saved; what failed, or None."""
     notebook = nbformat.read(path, as_version=4)
     cells = sum(cell.cell_type == "code" for cell in notebook.cells)
@@ -145,7 +145,7 @@ def main() -> int:
     parser.add_argument("--timeout", type=int, default=300, help="seconds that one cell may take (default: 300)")
     args = parser.parse_args()
     for path in args.notebooks or sorted((ROOT / "docs" / "notebooks").glob("*.ipynb")):
-        failure = run(path, args.timeout, args.save)
+        failure = run_notebook(path, args.timeout, args.save)
         if failure is not None:
             print(failure, file=sys.stderr)
             return 1

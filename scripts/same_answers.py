@@ -35,7 +35,7 @@ CASES = (
 """Cases of the golden files whose files are compared, and those that they start from; the last are on real images."""
 
 
-def run(*command: object) -> str:
+def output_of(*command: object) -> str:
     """What a command prints; ends this program if it fails."""
     words = [str(word) for word in command]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
@@ -52,14 +52,14 @@ def digests(folder: Path) -> dict[str, str]:
 
 def main(out: Path, *venvs: Path) -> None:
     """Compare all environments with the first."""
-    about = [json.loads(run(venv / "bin" / "python", "-c", ABOUT)) for venv in venvs]
+    about = [json.loads(output_of(venv / "bin" / "python", "-c", ABOUT)) for venv in venvs]
     if len({one["OpenCV"] for one in about}) > 1:
         sys.exit(f"versions of OpenCV differ, so pixels may: {', '.join(one['OpenCV'] for one in about)}")
     found: list[dict[str, str]] = []
     for number, (venv, one) in enumerate(zip(venvs, about, strict=True)):
         folder = out / str(number)
         only = (word for case in CASES for word in ("--only", case))
-        run(venv.resolve() / "bin" / "python", GOLDEN, "capture", folder, *only)
+        output_of(venv.resolve() / "bin" / "python", GOLDEN, "capture", folder, *only)
         for path in folder.glob("*/*/case.json"):
             if json.loads(path.read_text(encoding="utf-8"))["code"] != 0:
                 sys.exit(f"{path.parent}: {path.with_name('stderr').read_text(encoding='utf-8')}")

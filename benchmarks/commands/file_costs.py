@@ -25,7 +25,7 @@ import cv2
 import h5py
 import numpy as np
 
-from benchmarks.commands.running import PROGRAM, measured
+from benchmarks.commands.running import PROGRAM, command_run
 from benchmarks.program import BenchmarkTable, Printed, program
 from lava_vpr import model as model_file
 from lava_vpr.config import Config, preset
@@ -218,7 +218,7 @@ def main(only: Sequence[str]) -> Printed:
             cv2.imwrite(str(place / IMAGE), np.random.default_rng(0).integers(0, 256, (64, 96), np.uint8))
             case.make(place)
             size = sum(file.stat().st_size for file in place.rglob("*") if file.is_file())
-            run = measured(place, *case.words)
+            run = command_run(place, *case.words)
         figures = (f"{size / 1e6:,.1f}", f"{run.held / 1e6:,.0f}", f"{run.seconds:,.1f}")
         rows.append([case.what, case.reader, *figures])
         yield f"{name}: {', '.join(figures)}; {run.used:,.1f} s of processors"

@@ -26,7 +26,7 @@ class CommandRun(NamedTuple):
     held: float
 
 
-def measured(place: Path, *words: object) -> CommandRun:
+def command_run(place: Path, *words: object) -> CommandRun:
     """What a command takes that runs in ``place``, which must succeed."""
     command = [sys.executable, "-c", STARTER, *map(str, words)]
     run = subprocess.run(command, cwd=place, stdout=subprocess.PIPE, text=True, check=True)
@@ -38,4 +38,4 @@ def measured(place: Path, *words: object) -> CommandRun:
 
 def lava_vpr(place: Path, *words: object) -> CommandRun:
     """What a command of lava-vpr takes."""
-    return measured(place, *PROGRAM, *words)
+    return command_run(place, *PROGRAM, *words)

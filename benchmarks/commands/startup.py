@@ -18,7 +18,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from benchmarks.commands.running import PROGRAM, lava_vpr, measured
+from benchmarks.commands.running import PROGRAM, command_run, lava_vpr
 from benchmarks.places import folder
 from benchmarks.program import BenchmarkTable, Printed, program, turns
 
@@ -48,7 +48,7 @@ def main(rounds: int) -> Printed:
     """Measure all commands in turns."""
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)
-        taken = turns({what: partial(measured, place, *words) for what, words in commands(place).items()}, rounds)
+        taken = turns({what: partial(command_run, place, *words) for what, words in commands(place).items()}, rounds)
     medians = {what: np.median(np.array(runs), axis=0) for what, runs in taken.items()}
     rows = [[what, f"{used:.2f}", f"{seconds:.2f}"] for what, (seconds, used, _) in medians.items()]
     title = f"seconds, median of {rounds} turns; load of the machine {os.getloadavg()[0]:.1f}"

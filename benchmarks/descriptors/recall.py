@@ -86,7 +86,7 @@ def with_way(settings: Mapping[str, Any]) -> Config:
     return update(preset("loihi"), {"encoder": encoder, "learning": {"steps": steps}})
 
 
-def measured(
+def vector_recall(
     section: PlacesSection, settings: Mapping[str, Any], seeds: Sequence[int]
 ) -> tuple[NDArray[np.float64], int]:
     """R@1 in percent of each of `MATCHERS`, means over seeds, and the network's inputs."""
@@ -110,14 +110,14 @@ def measured(
 def main(seeds: Sequence[int], chosen_on: bool) -> Printed:
     """R@1 in percent of HOG vectors through the network, and of their own cosine."""
     if not chosen_on:
-        found = [measured(section, {}, seeds)[0] for section in FIVE]
+        found = [vector_recall(section, {}, seeds)[0] for section in FIVE]
         named = zip([*map(str, FIVE), "mean"], [*found, np.mean(found, axis=0)], strict=True)
         rows = [[name, *(f"{value:.1f}" for value in values)] for name, values in named]
         yield BenchmarkTable(["section", *MATCHERS], rows, record="descriptors")
         return
     rows = []
     for name, settings in WAYS.items():
-        every = [measured(section, settings, seeds) for section in CHOSEN_ON]
+        every = [vector_recall(section, settings, seeds) for section in CHOSEN_ON]
         inputs, values = every[0][1], np.mean([values for values, _ in every], axis=0)
         rows.append([name, f"{inputs:,}", *(f"{value:.1f}" for value in values[2:])])
     yield BenchmarkTable(["vectors as inputs", "inputs", *list(MATCHERS)[2:]], rows, record="descriptors-ways")

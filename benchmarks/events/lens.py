@@ -84,7 +84,7 @@ def truth(places: slice) -> NDArray[np.bool_]:
     return np.asarray(near[places, places] > 0)
 
 
-def measured(way: LearningWay, places: slice, rivals: Sequence[str] | None) -> dict[str, NDArray[np.float64]]:
+def decoder_recall(way: LearningWay, places: slice, rivals: Sequence[str] | None) -> dict[str, NDArray[np.float64]]:
     """R@1, R@5, R@10 and R@100P of every decoder, and of ``rivals`` (None: all), means over `SEEDS`."""
     pair = [drive(which, places, way) for which in ("reference", "query")]
     comparison = Comparison(rivals=rivals, keep_scores=False)
@@ -122,7 +122,7 @@ def chosen() -> Printed:
     """A line of each candidate, and the one that is chosen."""
     best: tuple[float, str] = (0.0, "none")
     for name, way in candidates():
-        found = {decoder: (r1, full) for decoder, (r1, _, _, full) in measured(way, CHOSEN_ON, ()).items()}
+        found = {decoder: (r1, full) for decoder, (r1, _, _, full) in decoder_recall(way, CHOSEN_ON, ()).items()}
         sums = {decoder: round(sum(pair), 6) for decoder, pair in found.items()}
         decoder = max(sums, key=lambda one: sums[one])
         (r1, full), total = found[decoder], sums[decoder]
@@ -138,7 +138,7 @@ def main(choose: bool) -> Printed:
     if choose:
         yield from chosen()
         return
-    found = {(way, places.start): measured(WAYS[way], places, None) for way in WAYS for places in (UNSEEN, ALL)}
+    found = {(way, places.start): decoder_recall(WAYS[way], places, None) for way in WAYS for places in (UNSEEN, ALL)}
     columns = ["", "50:100: R@1", "R@5", "R@10", "R@100P", "0:100: R@1", "R@5", "R@10", "R@100P"]
     rows = [
         [title, *(fraction(value) for places in (UNSEEN, ALL) for value in found[way, places.start][matcher])]

@@ -63,7 +63,7 @@ def seen(one: Written, config: EventsConfig) -> tuple[Traverse, Positions]:
     return traverse, Positions(at, XY)
 
 
-def measured(config: Config, reference: Written, query: Written) -> tuple[int, int, dict[str, float]]:
+def drive_recall(config: Config, reference: Written, query: Written) -> tuple[int, int, dict[str, float]]:
     """Places, queries, and R@1 by matcher over `SEEDS`: of the default decoder the mean, of the others once."""
     (images, places), (asked, positions) = seen(reference, config.events), seen(query, config.events)
     right = Located.of(places, positions, "synthetic").truth(RADIUS_M)
@@ -82,7 +82,7 @@ def chosen(folder: Path) -> Printed:
     for image in ("counts", "surface"):
         for window in windows:
             config = replace(for_events(preset("loihi")), events=EventsConfig(image=image, **window))  # type: ignore[arg-type]
-            places, queries, found = measured(config, reference, query)
+            places, queries, found = drive_recall(config, reference, query)
             what = ", ".join(f"{name} {value:g}" for name, value in window.items())
             yield f"{image:8} {what:20} {places:3} places {queries:3} queries  R@1 {found['ours']:.3f}"
 
@@ -93,7 +93,7 @@ def figures(folder: Path) -> BenchmarkTable:
     reference = written(folder, world, "summer", 10.0)
     for condition, speed in QUERIES:
         query = written(folder, world, condition, speed, ".npz" if condition == "summer" else ".h5")
-        _, count, found = measured(for_events(preset("loihi")), reference, query)
+        _, count, found = drive_recall(for_events(preset("loihi")), reference, query)
         cells = (fraction(found[name]) for name in MATCHERS.values())
         rows.append([f"{condition}, {speed:g} m/s", str(count), *cells])
     return BenchmarkTable(["query", "queries", *MATCHERS], rows, record="event-drives")

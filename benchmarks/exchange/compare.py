@@ -88,7 +88,7 @@ def cases() -> Iterator[ExchangeCase]:
     yield ExchangeCase("preset fast", integer_model(learn((0, 100), preset("fast")), "NIR"))
 
 
-def run(chosen: list[ExchangeCase], queries: int) -> list[CaseSpikes]:
+def case_spikes(chosen: list[ExchangeCase], queries: int) -> list[CaseSpikes]:
     """The spikes of every case.
 
     Raises:
@@ -168,7 +168,7 @@ def row(case: ExchangeCase, spikes: CaseSpikes) -> list[str]:
 def main(queries: int) -> Printed:
     """Where snnTorch's spikes of exported graphs are the host's, and what the others differ by."""
     chosen = list(cases())
-    results = list(zip(chosen, run(chosen, queries), strict=True))
+    results = list(zip(chosen, case_spikes(chosen, queries), strict=True))
     columns = ("network", "host spikes", "snnTorch", "queries equal", "counts apart", "by at most", "R@1")
     columns += ("float32 = snnTorch", "truncated = host", "own import equal")
     title = "exported NIR graphs in snnTorch beside the host engine"

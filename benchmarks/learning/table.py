@@ -47,7 +47,7 @@ UNLEARNED = "templates behind filters before learning"
 ROWS = {name: ResultRow(name, update(preset(DEFAULT), how), FIVE, costs=True) for name, how in LEARNERS.items()}
 
 
-def measured(row: ResultRow, section: PlacesSection, seed: int) -> Figures:
+def figures_and_seconds(row: ResultRow, section: PlacesSection, seed: int) -> Figures:
     """The figures of a section with a seed, and the seconds of processors that learning took."""
     config = dataclasses.replace(row.config, seed=seed)
     began = time.process_time()
@@ -74,7 +74,7 @@ def recalled(record: Record, row: ResultRow, sections: Sequence[PlacesSection]) 
 @click.option("--learner", "names", multiple=True, type=click.Choice(list(LEARNERS)), help="Only these.")
 def main(names: Sequence[str]) -> Printed:
     """Learn what is not known, and print the table."""
-    record, lines = Record.read(FILE, task=measured), []
+    record, lines = Record.read(FILE, task=figures_and_seconds), []
     rows = [ROWS[name] for name in names or LEARNERS]
     record.bring_up_to_date(rows)
     for row in rows:
