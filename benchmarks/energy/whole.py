@@ -91,4 +91,5 @@ def main(rounds: int) -> Printed:
     titles = [f"{name}, {where}" for where in ("Kapoho Bay", "no board") for name in every]
     table = energy([*boards, *ways], [*titles, "cosine", "HOG", "SAD"])
     columns, *rows = zip(table.columns, *table.rows, strict=True)
-    yield BenchmarkTable(columns, rows, title=table.title, record="energy")
+    wrapped = frozenset(range(1, len(columns)))
+    yield BenchmarkTable(columns, rows, table.notes, table.title, long=wrapped, record="energy")

@@ -12,7 +12,7 @@ import pytest
 from support.common.small_models import encoded, small_model
 
 from benchmarks.exchange import compare
-from benchmarks.exchange.compare import CaseSpikes, ExchangeCase, failures, row, run
+from benchmarks.exchange.compare import CaseSpikes, ExchangeCase, case_spikes, failures, row
 from benchmarks.exchange.literal import spikes_of
 from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.errors import InputError
@@ -82,15 +82,15 @@ def test_a_simulator_without_spikes_is_seen(tmp_path: Path, monkeypatch: pytest.
     with monkeypatch.context() as patch:
         patch.setattr(compare, "PYTHON", tmp_path / "none")
         with pytest.raises(InputError, match=r"snnTorch: not installed in \S+; run make nir-peers"):
-            run([case()], 8)
+            case_spikes([case()], 8)
     (tmp_path / "worker.py").write_text(ECHO)
     monkeypatch.setattr(compare, "PYTHON", Path(sys.executable))
     monkeypatch.setattr(compare, "WORKER", tmp_path / "worker.py")
-    (spikes,) = run([case()], 8)
+    (spikes,) = case_spikes([case()], 8)
     assert spikes.host.sum() > 10
     assert not spikes.there.any()
     np.testing.assert_array_equal(spikes.whole, spikes.host)
     assert failures(case(), spikes) == ["small: snnTorch differs from NIR's equations in single precision"]
     (tmp_path / "worker.py").write_text("raise SystemExit('broken')")
     with pytest.raises(InputError, match=r"snnTorch: .*broken"):
-        run([case()], 8)
+        case_spikes([case()], 8)
