@@ -1,17 +1,13 @@
 """Tables of figures as docs/results/NAME.json keeps them: what a command computed, under which conditions.
 
-    python -m benchmarks.figures NAME < TABLE.md
-
-takes a Markdown table that a command printed into the record NAME; benchmarks write theirs themselves. `make pages`
-then writes the pages anew.
+Benchmarks write theirs with ``--record``; `make pages` then writes the pages anew.
 """
 
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -78,13 +74,6 @@ def markdown(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return Table(columns, rows, words=len(columns)).markdown()
 
 
-def parsed(text: str) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of a Markdown table."""
-    lines = [line.strip().strip("|").split("|") for line in text.splitlines() if line.startswith("|")]
-    columns, _, *rows = ([cell.strip() for cell in line] for line in lines)
-    return columns, rows
-
-
 def section(name: str) -> str:
     """The table of a record, for a page.
 
@@ -100,7 +89,3 @@ def section(name: str) -> str:
 
 
 PARTS = {name: partial(section, name) for name in names()}
-
-if __name__ == "__main__":
-    columns, rows = parsed(sys.stdin.read())
-    write(sys.argv[1], replace(read(sys.argv[1]), columns=columns, rows=rows))

@@ -179,34 +179,22 @@ def ranges() -> str:
     return "\n".join(rows)
 
 
-class Axis(int):
-    """A length that a table shows by its name."""
-
-    name: str
-
-    @classmethod
-    def called(cls, name: str, length: int) -> Axis:
-        """The axis ``name``, of some length."""
-        axis = cls(length)
-        axis.name = name
-        return axis
-
-
 def arrays() -> str:
     """The table of what every array of a model must be, with the integer network and with preset ``paper``."""
-    sizes = Sizes(*(Axis.called(name, 200 if name == "images" else 100) for name in Sizes._fields))
+    sizes = Sizes(100, 200, 102, 103)  # two images a place; each length tells whose it is
     rows = ["| array | with preset | type and shape | values |", "|---|---|---|---|"]
     both = {name: array_rules(preset(name), sizes) for name in ("loihi", "paper")}
     for array in sorted({array for rules in both.values() for array in rules}):
-        found = {name: _written(rules[array]) for name, rules in both.items() if array in rules}
+        found = {name: _written(rules[array], sizes) for name, rules in both.items() if array in rules}
         if len(found) == 2 and len(set(found.values())) == 1:
             found = {"any": found["loihi"]}
         rows += [f"| `{array}` | {name} | {rule} |" for name, rule in found.items()]
     return "\n".join(rows)
 
 
-def _written(rule: ArrayRule) -> str:
-    shape = ", ".join(getattr(length, "name", str(length)) for length in rule.shape)
+def _written(rule: ArrayRule, sizes: Sizes) -> str:
+    names = dict(zip(sizes, Sizes._fields, strict=True))
+    shape = ", ".join(names.get(length, str(length)) for length in rule.shape)
     return f"{rule.dtype} ({shape}) | {rule.least:g} .. {rule.most:g}"
 
 

@@ -15,8 +15,10 @@ from functools import partial
 import click
 import numpy as np
 
-from benchmarks.places import SECTIONS, answer, encoded, folder, learn
+from benchmarks.places import SECTIONS, encoded, folder, learn
 from benchmarks.program import BenchmarkTable, Printed, program, turns
+from benchmarks.results.rows import ResultRow, measure
+from benchmarks.results.tables import FIVE
 from lava_vpr.backends.interface import HostBackend
 from lava_vpr.bench.measure import alone
 from lava_vpr.bench.measure.timing import each_image, measure_encoding
@@ -40,13 +42,10 @@ INTEGER = tuple(name for name in PRESETS if name != "paper")
 
 def recalls(name: str) -> dict[str, float]:
     """R@1 of preset ``name`` (under its own name) and of the baselines, mean over the sections."""
-    found: dict[str, list[float]] = {}
-    for section in SECTIONS:
-        result = answer(learn(section, preset(name)), section, rivals=tuple(BEFORE), keep_scores=False)
-        for matcher in (result.default, *BEFORE):
-            own = name if matcher == result.default else matcher
-            found.setdefault(own, []).append(result.metrics[matcher].recall_at_1)
-    return {matcher: float(np.mean(values)) for matcher, values in found.items()}
+    row = ResultRow(name, preset(name), FIVE, tuple(BEFORE))
+    found = [measure(row, section, 0) for section in FIVE]
+    named = {name: "network"} | {matcher: matcher for matcher in BEFORE}
+    return {own: float(np.mean([one[matcher][0] for one in found])) / 100 for own, matcher in named.items()}
 
 
 def asked(name: str) -> tuple[QuerySet, Modelled]:

@@ -11,16 +11,15 @@ calibration's numbers were chosen; without it, the maps on which nothing was.
 from __future__ import annotations
 
 import dataclasses
-import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import click
 import cv2
 import numpy as np
+import psutil
 from numpy.typing import NDArray
 
 from benchmarks.places import PlacesSection, images_of, learned, places
@@ -245,16 +244,11 @@ def memory(model: Model, updates: int) -> str:
     robot, seen = Localizer(model), list(open_traverse(images_of("nordland", "winter")).images())
     for image in seen:
         robot.update(image)
-    before = resident()
+    process = psutil.Process()
+    before = process.memory_info().rss
     for number in range(updates):
         robot.update(seen[number % len(seen)])
-    return f"{updates:,} updates: {before / 1e6:.1f} MB before, {resident() / 1e6:.1f} MB after"
-
-
-def resident() -> int:
-    """Bytes of memory that this process holds."""
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE")
+    return f"{updates:,} updates: {before / 1e6:.1f} MB before, {process.memory_info().rss / 1e6:.1f} MB after"
 
 
 @program("nordland", "nordland_long", "gardens")

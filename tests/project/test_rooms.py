@@ -24,6 +24,7 @@ MEASURED = {
     "project/test_docs.py": {"benchmarks.__main__", "benchmarks.figures", "benchmarks.recall"},
     "project/test_pages.py": {"benchmarks.figures"},
     "engine/test_conductance.py": {"benchmarks.peers"},
+    "support/fuzz/run.py": {"benchmarks.figures"},
 }
 """Tests that hold what a benchmark prints to its promise, and which; all others of them are in tests/benchmarks."""
 

@@ -1,6 +1,6 @@
 """A changed file given to the program: it reads and is equal when written again, or costs one clear line.
 
-    PYTHONPATH=tests .venv/bin/python -m support.fuzz.run [--count 10000] [--seed 0] [--first 0] [--show 20]
+    PYTHONPATH=tests .venv/bin/python -m support.fuzz.run [--count 10000] [--seed 0] [--first 0] [--show 20] [--record]
 
 changes honest files at random, gives them to the program, and counts what becomes of them. Prints outcomes by format,
 and every failure with its number; ``--first NUMBER --count 1`` repeats one alone. The exit code is 1 if there is a
@@ -26,7 +26,7 @@ import tempfile
 import traceback
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,7 @@ from support.fuzz import changes, corpus
 from support.fuzz.changes import SPECIAL, Files
 from support.fuzz.corpus import IMAGE_LISTS, PLACES, SETTINGS, Corpus
 
+from benchmarks import figures
 from lava_vpr.backends.asking import open_model
 from lava_vpr.cli import main as command
 from lava_vpr.configfile import read_toml, to_dict, to_toml
@@ -343,6 +344,7 @@ def main(words: list[str] | None = None) -> int:
     for name, default in (("--count", 10_000), ("--seed", 0), ("--first", 0), ("--show", 20)):
         parser.add_argument(name, type=int, default=default)
     parser.add_argument("--log", type=Path, default=Path(os.devnull), help="File that gets the number of each case.")
+    parser.add_argument("--record", action="store_true", help="Take the table into docs/results/fuzzed.json.")
     asked = parser.parse_args(words)
     cv2.setNumThreads(0)
     counts = collections.Counter[tuple[str, str]]()
@@ -361,15 +363,12 @@ def main(words: list[str] | None = None) -> int:
             if kind not in (REFUSED, SOUND) and asked.show:
                 asked.show -= 1
                 print(f"{kind}: seed {asked.seed}, number {number}, {case}\n    {told.strip()}", flush=True)
-    rows = []
-    for name in SHARES:
-        refused, sound = counts[name, REFUSED], counts[name, SOUND]
-        every = sum(count for (of, _), count in counts.items() if of == name)
-        rows.append((refused, sound, every - refused - sound, every))
-    rows.append(tuple(map(sum, zip(*rows, strict=True))))
-    cells = [[name, *map(str, row)] for name, row in zip([*SHARES, "all"], rows, strict=True)]
-    print(Table(["format", REFUSED, SOUND, "failures", "all"], cells).markdown())
-    return int(rows[-1][2] > 0)
+    kinds = [REFUSED, SOUND, *sorted({kind for _, kind in counts} - {REFUSED, SOUND})]
+    columns, rows = ["format", *kinds], [[f, *(str(counts[f, kind]) for kind in kinds)] for f in SHARES]
+    print(Table(columns, rows).markdown())
+    if asked.record:
+        figures.write("fuzzed", replace(figures.read("fuzzed"), columns=columns, rows=rows))
+    return int(len(kinds) > 2)
 
 
 if __name__ == "__main__":
