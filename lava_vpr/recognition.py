@@ -324,7 +324,7 @@ def _adapted_matchers(rivals: Rivals, backend: str | Backend, advance: Advance |
         model, rivals.queries, backend=backend, threads=threads, advance=advance, shown=adapting
     )
     yield Scored(default, default, InBlocks.made(decode(model, summed(counts, asking.views), default)))
-    yield from rivals.adapted(asking.adapt)
+    yield from rivals.scored(asking.adapt)
 
 
 def _every_matcher(
@@ -334,7 +334,7 @@ def _every_matcher(
     # The default is followed by a filter, too, so it comes last.
     for name in sorted(DECODERS, key=lambda name: name == model.config.decoder.default):
         yield Scored(name, name, decoded(model, counts, name))
-    yield from rivals.plain()
+    yield from rivals.scored()
     if descriptors is not None:
         yield Scored("descriptors", "descriptors", InBlocks.made(descriptors))
 

@@ -88,16 +88,17 @@ class Loihi:
         self.learning_rates = rates16(activity, config.encoder.train_spikes)
         self.query_rates = query_rates16(activity, config.encoder)
         self.keys = presentation_keys(config.seed, "query", image_keys(self.query_rates))
-        start = stdp.initial_state(config.encoder.inputs, NEURONS, config.learning, config.seed)
-        self.trainer = stdp.Trainer(start, config.learning, config.encoder.train_spikes)
+        learning, inputs, spikes = config.learning, config.encoder.inputs, config.encoder.train_spikes
+        self.state = stdp.initial_state(inputs, NEURONS, learning, spikes, config.seed, 0)
+        self.phase = stdp.phases(learning, inputs, spikes)[0]
         for q in range(len(images)):
             self.train(q)
-        weights = quantise.distinctive(start.weights, config.network)
+        weights = quantise.distinctive(self.state.weights, config.network)
         self.network = quantise.quantise(weights, config.network, [Shown(self.query_rates, slice(0, NEURONS))])
 
     def train(self, q: int) -> None:
         """Shows an image to the network that learns."""
-        self.trainer.present(self.learning_rates[q], presentation_key(0, "train", q))
+        stdp.present(self.state, self.phase, self.learning_rates[q], presentation_key(0, "train", q))
 
     def test(self, q: int) -> None:
         """Shows an image to the quantised network."""

@@ -25,7 +25,7 @@ from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.engine.presentations import cores
 from lava_vpr.loihi import WEIGHT_BITS
 from lava_vpr.model import Model, checked_content, integer_model
-from lava_vpr.training.measuring import expected_rates, measured_responses
+from lava_vpr.training.measuring import expected_rates, reference_responses
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,8 @@ def contents(
     """Manifest (for `deploy.bundle.folder.sealed`), files and plan of the bundle of ``model``; see `deploy`."""
     plan, target = timed(plan_of(model, board, dense_rows=dense_rows), model), TARGETS[board.name]
     if not measured:
-        responses = measured_responses(model, plan.network, Pool(cores()))
+        activity, network, pool = model.activity, plan.network, Pool(cores())
+        responses = reference_responses(network, activity, model.places, model.config, pool)
         calibration = model.calibration if np.array_equal(responses, model.responses) else None
         model = replace(model, responses=responses, calibration=calibration)
     files = {**reference_files(model), **target.network_files(plan), **program_files(target.program)}

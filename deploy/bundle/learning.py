@@ -25,7 +25,7 @@ from lava_vpr.deploy.bundle.references import rates_of
 from lava_vpr.encoding import rates16
 from lava_vpr.engine.inference.quantise import mantissa_of
 from lava_vpr.engine.learning import stdp
-from lava_vpr.engine.learning.integer import IntegerState, initial_state
+from lava_vpr.engine.learning.integer import initial_state
 from lava_vpr.engine.learning.lava_order import (
     FACTOR_BITS,
     FoldedPhase,
@@ -34,6 +34,7 @@ from lava_vpr.engine.learning.lava_order import (
     library_seed,
 )
 from lava_vpr.engine.learning.recruiting import key_again, recruit, rounds
+from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.engine.random import image_keys, presentation_key, stretch_key
 from lava_vpr.errors import BundleError, ConfigError, LavaVprError
 from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_LIMIT
@@ -61,7 +62,7 @@ class ChipLearning:
     """
 
     phases: tuple[FoldedPhase, ...]
-    start: IntegerState
+    start: PlasticState
     seeds: tuple[int, ...]
     epochs: NDArray[np.int32]
     images: NDArray[np.int32]
@@ -72,7 +73,7 @@ class ChipLearning:
 
     def trainer(self) -> FoldedTrainer:
         """A new trainer at the start."""
-        state = IntegerState(self.start.weights.copy(), self.start.theta.copy())
+        state = PlasticState(self.start.weights.copy(), self.start.theta.copy())
         return FoldedTrainer(self.phases, state, self.seeds)
 
     def train(self) -> NDArray[np.uint8]:

@@ -28,7 +28,7 @@ from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching import baselines, decoders
 from lava_vpr.matching.answers import InBlocks
-from lava_vpr.model import IntegerModel, Model, as_integer, decode
+from lava_vpr.model import IntegerModel, Model, as_integer
 
 BASELINES = {
     "sad": "patch-normalised images of 28x28 pixels",
@@ -154,34 +154,26 @@ class Rivals:
         """Input rates of the queries in the straight view, (n, inputs)."""
         return self.shown.rates[: len(self.queries)]
 
-    def plain(self) -> Iterator[Scored]:
-        """The scores of each baseline, one by one."""
+    def scored(self, tau: float | None = None) -> Iterator[Scored]:
+        """The scores of each baseline, one by one; with ``tau`` adapted to so many queries before."""
         for name in self.names:
             if name == "template":
-                decoder = self.template.config.decoder.default
-                yield Scored(name, decoder, decoded(self.template, self._of_template(self.shown), decoder))
-            else:
-                seen, references = self._seen(name)
-                of = partial(self._similar, name, references, seen)
-                yield Scored(name, name, InBlocks(len(seen), self.model.places, of))
+                decoder, counts = self.template.config.decoder.default, self._of_template(tau)
+                yield Scored(name, decoder, decoded(self.template, counts, decoder))
+                continue
+            seen, references = self._seen(name)
+            scores = InBlocks(len(seen), self.model.places, partial(self._similar, name, references, seen))
+            if tau is not None:
+                similar, own = (self._similar(name, references, items) for items in (seen, references))
+                scores = InBlocks.made(adapted_scores(similar, own.mean(axis=0), self._rates, tau))
+            yield Scored(name, name, scores)
 
-    def adapted(self, tau: float) -> Iterator[Scored]:
-        """The scores of each baseline, adapted to the queries before with a time constant of ``tau`` queries."""
-        for name in self.names:
-            if name == "template":
-                bias = Adaptation(self.template.network, tau).biases(self._rates)
-                shown = replace(self.shown, bias=np.tile(bias, (self.asking.views, 1)))
-                decoder = self.template.config.decoder.default
-                scores = decode(self.template, self._of_template(shown), decoder)
-                yield Scored(name, decoder, InBlocks.made(scores))
-            else:
-                seen, references = self._seen(name)
-                scores, own = (self._similar(name, references, items) for items in (seen, references))
-                scores = adapted_scores(scores, own.mean(axis=0), self._rates, tau)
-                yield Scored(name, name, InBlocks.made(scores))
-
-    def _of_template(self, shown: Presentations) -> NDArray[np.int32]:
+    def _of_template(self, tau: float | None) -> NDArray[np.int32]:
         """The spike counts (n, neurons) of the network without learning."""
+        shown = self.shown
+        if tau is not None:
+            bias = Adaptation(self.template.network, tau).biases(self._rates)
+            shown = replace(shown, bias=np.tile(bias, (self.asking.views, 1)))
         counts, _ = HostBackend(self.pool).count_spikes(self.template, shown)
         return summed(counts, self.asking.views)
 

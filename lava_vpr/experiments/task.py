@@ -117,7 +117,7 @@ def baselines(model: Model, route: Route) -> dict[str, dict[str, float]]:
     """Figures of the cheap baselines on the same images, by name."""
     names = tuple(name for name in BESIDE if name in chosen(model, None))
     rivals = Rivals(model, route.queries, query_presentations(model, route.queries), names)
-    held = {scored.name: hold(scored.matcher, scored.scores, route.truth) for scored in rivals.plain()}
+    held = {scored.name: hold(scored.matcher, scored.scores, route.truth) for scored in rivals.scored()}
     return {name: Recall.of(one.metrics)._asdict() for name, one in held.items()}
 
 

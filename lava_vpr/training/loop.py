@@ -288,7 +288,7 @@ def joined(
     """
     activity = np.concatenate([reference.activity for reference in route.references])
     network = integer_network(learned, config, stretches, activity)
-    responses = reference_responses(network, route.references, config, pool)
+    responses = reference_responses(network, activity, len(route.references[0]), config, pool)
     return model_of(network, learned, responses, config, stretches, route)
 
 

@@ -13,7 +13,8 @@ near the ends of that part, which their neighbours outside would know, are not a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 from typing import Any, NamedTuple
@@ -67,9 +68,8 @@ def measured(model: IntegerModel, pool: Pool = ONE_THREAD) -> Calibration:
     places = np.unique(np.linspace(0, model.places - 1, min(model.places, SAMPLES)).astype(np.int64))
     vectors = INPUTS[model.config.encoder.kind].sees == "vector"
     shares, channels = (ALTERED_VECTORS, model.config.encoder.layout.channels) if vectors else ((ALTERED,), 1)
-    on_map = [_OnMap(model, places, repeat, shares, channels) for repeat in range(repeats)]
-    off_map = [_OffMap(model, number, *part, repeats) for number, part in enumerate(_without_parts(model))]
-    asked: list[_OnMap | _OffMap] = [*on_map, *off_map]
+    asked = [_on_map(model, places, repeat, shares, channels) for repeat in range(repeats)]
+    asked += [_off_map(model, number, *part, repeats) for number, part in enumerate(_without_parts(model))]
     size = BLOCK if not pool.here else SAMPLES * _REPEATS
     cuts = [-(-question.presentations // size) for question in asked]
     blocks = (part for question in asked for part in question.block().parts(size))
@@ -81,63 +81,60 @@ def measured(model: IntegerModel, pool: Pool = ONE_THREAD) -> Calibration:
     return Calibration(np.concatenate(samples).astype(np.float32))
 
 
-class _OnMap(NamedTuple):
+class _Question(NamedTuple):
+    """What is asked of a network.
+
+    Attributes:
+        presentations: How many.
+        block: Makes what is shown.
+        samples: Margins of the answers that spike counts are, and which of `KINDS` each is, (presentations, 2).
+    """
+
+    presentations: int
+    block: Callable[[], Block]
+    samples: Callable[[NDArray[np.int32]], NDArray[np.float64]]
+
+
+def _on_map(
+    model: IntegerModel, places: NDArray[np.int64], repeat: int, shares: tuple[float, ...], channels: int
+) -> _Question:
     """Altered references, asked of the whole network, with the noise of one repetition."""
 
-    model: IntegerModel
-    places: NDArray[np.int64]
-    repeat: int
-    shares: tuple[float, ...]
-    channels: int
-
-    @property
-    def presentations(self) -> int:
-        return len(self.places)
-
-    def block(self) -> Block:
-        """What is shown."""
-        model, repeat = self.model, self.repeat
-        share = np.array(self.shares)[(np.arange(len(self.places)) + repeat) % len(self.shares)]
+    def block() -> Block:
+        share = np.array(shares)[(np.arange(len(places)) + repeat) % len(shares)]
         first = model.activity[: model.places]  # the first traverse, straight ahead
-        return _block(model, altered(first, self.places, model.config.seed, repeat, share, self.channels), repeat)
+        return _block(model, altered(first, places, model.config.seed, repeat, share, channels), repeat)
 
-    def samples(self, counts: NDArray[np.int32]) -> NDArray[np.float64]:
-        """Margins, and whether the answers are right, (presentations, 2)."""
-        scores = _scores(self.model, self.model.responses, counts)
-        return np.stack([margin(scores), np.where(best(scores) == self.places, RIGHT, WRONG)], axis=1)
+    def samples(counts: NDArray[np.int32]) -> NDArray[np.float64]:
+        scores = _scores(model, model.responses, counts)
+        return np.stack([margin(scores), np.where(best(scores) == places, RIGHT, WRONG)], axis=1)
+
+    return _Question(len(places), block, samples)
 
 
-class _OffMap(NamedTuple):
+def _off_map(
+    model: IntegerModel,
+    number: int,
+    kept: NDArray[np.bool_],
+    inside: NDArray[np.bool_],
+    left_out: NDArray[np.int64],
+    repeats: int,
+) -> _Question:
     """References that were left out, asked of the network without the neurons of their part of the route."""
+    chosen = left_out[:: max(1, len(left_out) * _PARTS * _SHIFTS // SAMPLES)]
 
-    model: IntegerModel
-    number: int
-    kept: NDArray[np.bool_]
-    inside: NDArray[np.bool_]
-    left_out: NDArray[np.int64]
-    repeats: int
-
-    @property
-    def chosen(self) -> NDArray[np.int64]:
-        """The references that are asked."""
-        return self.left_out[:: max(1, len(self.left_out) * _PARTS * _SHIFTS // SAMPLES)]
-
-    @property
-    def presentations(self) -> int:
-        return len(self.chosen) * self.repeats
-
-    def block(self) -> Block:
-        """What is shown, repetition after repetition."""
-        first = self.repeats * (1 + self.number)
-        shown = [_block(self.model, self.model.activity[self.chosen], first + k) for k in range(self.repeats)]
+    def block() -> Block:
+        first = repeats * (1 + number)
+        shown = [_block(model, model.activity[chosen], first + k) for k in range(repeats)]
         keys = np.concatenate([one.keys for one in shown])
-        return Block(np.concatenate([one.rates for one in shown]), keys, kept=self.kept)
+        return Block(np.concatenate([one.rates for one in shown]), keys, kept=kept)
 
-    def samples(self, counts: NDArray[np.int32]) -> NDArray[np.float64]:
-        """Margins of answers that are off the map, (presentations, 2)."""
-        responses = np.ascontiguousarray(self.model.responses[self.kept][:, ~self.inside])
-        margins = margin(_scores(self.model, responses, counts))
+    def samples(counts: NDArray[np.int32]) -> NDArray[np.float64]:
+        responses = np.ascontiguousarray(model.responses[kept][:, ~inside])
+        margins = margin(_scores(model, responses, counts))
         return np.stack([margins, np.full(len(margins), OFF_MAP)], axis=1)
+
+    return _Question(len(chosen) * repeats, block, samples)
 
 
 def altered(
@@ -259,49 +256,32 @@ def shown_references(stretches: Sequence[Stretch], activity: NDArray[np.float32]
     )
 
 
-def measured_responses(model: Model, network: FixedNetwork, pool: Pool) -> NDArray[Any]:
-    """S^R of ``network`` on the references that ``model`` keeps, `narrow` (neurons, places), traverses summed."""
-    total = _no_responses(network, model.places, len(model.labels) // model.places)
-    for rows, counts in _response_counts(network, model.activity, model.config, pool):
-        np.add.at(total.T, model.labels[rows], counts.astype(total.dtype))
-    return narrow(total)
-
-
 def reference_responses(
-    network: FixedNetwork,
-    references: Sequence[EncodedTraverse],
-    config: Config,
-    pool: Pool,
+    network: FixedNetwork, activity: NDArray[np.float32], places: int, config: Config, pool: Pool
 ) -> NDArray[Any]:
-    """S^R of the frozen ``network`` on the references, `narrow` (neurons, places), traverses summed."""
-    total = _no_responses(network, len(references[0]), len(references))
-    for reference in references:
-        for rows, counts in _response_counts(network, reference.activity, config, pool):
-            total[:, rows] += counts.T.astype(total.dtype)
-    return narrow(total)
+    """S^R of the frozen ``network`` on the references, `narrow` (neurons, places), traverses summed.
 
+    Args:
+        network: The network.
+        activity: Input responses to the references, traverse after traverse, float32 (images, inputs).
+        places: Images of a traverse.
+        config: Settings.
+        pool: Who counts the spikes.
+    """
+    most = len(activity) // places * network.steps
+    total = np.zeros((network.neurons, places), np.uint16 if most <= np.iinfo(np.uint16).max else np.int32)
+    together = _TOGETHER if pool.here else BLOCK  # of a long map, the counts of all would not fit
+    cuts = [slice(start, min(start + together, places)) for start in range(0, places, together)]
+    parts = [(traverse, cut) for traverse in activity.reshape(-1, places, activity.shape[1]) for cut in cuts]
 
-def _no_responses(network: FixedNetwork, places: int, images: int) -> NDArray[Any]:
-    """Counts of 0 (neurons, places), of a type that holds what ``images`` of a place can add up to."""
-    most = images * network.steps
-    return np.zeros((network.neurons, places), np.uint16 if most <= np.iinfo(np.uint16).max else np.int32)
-
-
-def _response_counts(
-    network: FixedNetwork, activity: NDArray[np.float32], config: Config, pool: Pool
-) -> Iterator[tuple[slice, NDArray[np.int32]]]:
-    """The spike counts int32 (rows, neurons) of references, some at a time: of a long map, all would not fit."""
-    together = _TOGETHER if pool.here else BLOCK
-    parts = [slice(start, start + together) for start in range(0, len(activity), together)]
-
-    def block(rows: slice) -> Block:
-        rates = query_rates16(activity[rows], config.encoder)
+    def block(traverse: NDArray[np.float32], cut: slice) -> Block:
+        rates = query_rates16(traverse[cut], config.encoder)
         return Block(rates, response_keys(rates, config.seed))
 
-    asked = map(block, parts)
-    found = counted(of_integers, network, asked, pool=pool, total=len(parts))
-    for rows, (counts, _) in zip(parts, found, strict=True):
-        yield rows, counts
+    found = counted(of_integers, network, itertools.starmap(block, parts), pool=pool, total=len(parts))
+    for (_, cut), (counts, _) in zip(parts, found, strict=True):
+        total[:, cut] += counts.T.astype(total.dtype)
+    return narrow(total)
 
 
 def coverage(responses: NDArray[Any]) -> tuple[int, int]:
@@ -316,7 +296,8 @@ def remeasured(model: Model, pool: Pool) -> Model:
     Raises:
         ConfigError: the model is the float conductance model.
     """
-    responses = measured_responses(model, integer_model(model, "responses").network, pool)
+    network = integer_model(model, "responses").network
+    responses = reference_responses(network, model.activity, model.places, model.config, pool)
     used, covered = coverage(responses)
     figures = {
         "spikes_per_image": float(responses.sum() / len(model.labels)),

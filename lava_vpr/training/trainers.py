@@ -80,30 +80,31 @@ class StdpTrainer(StretchTrainer):
     def __init__(self, config: Config, stretch: Stretch, key: int) -> None:
         self._learning = learning = integer_config(config, "StdpTrainer").learning
         self._places, self._exact = stretch.places, learning.arithmetic == "integer"
-        inputs, spikes, seed = config.encoder.inputs, config.encoder.train_spikes, config.seed
-        self._trainer = (
-            integer.IntegerTrainer(inputs, stretch.neurons, learning, spikes, seed, key)
-            if self._exact
-            else stdp.Trainer(stdp.initial_state(inputs, stretch.neurons, learning, seed, key), learning, spikes)
-        )
-        self._start = float(self._trainer.state.theta[0])
+        inputs, spikes = config.encoder.inputs, config.encoder.train_spikes
+        self._arithmetic: Any = integer if self._exact else stdp
+        self._phases = self._arithmetic.phases(learning, inputs, spikes)
+        self._state = self._arithmetic.initial_state(inputs, stretch.neurons, learning, spikes, config.seed, key)
+        self._start = float(self._state.theta[0])
 
     def begin_epoch(self, epoch: int) -> None:
-        self._trainer.begin_epoch(epoch)
+        if epoch == self._learning.competing:
+            self._arithmetic.scale_thresholds(self._state.theta, self._learning.consolidation_threshold)
 
     def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
-        return self._trainer.present(rates, key)[0]
+        phase = self._phases[epoch >= self._learning.competing]
+        counts: NDArray[np.int32] = self._arithmetic.present(self._state, phase, rates, key)[0]
+        return counts
 
     def state(self) -> dict[str, NDArray[Any]]:
-        return {"weights": self._trainer.state.weights, "theta": self._trainer.state.theta}
+        return {"weights": self._state.weights, "theta": self._state.theta}
 
     def thresholds(self) -> Thresholds:
-        return Thresholds(self._trainer.state.theta, self._start, THRESHOLD_LIMIT - 1 if self._exact else math.inf)
+        return Thresholds(self._state.theta, self._start, THRESHOLD_LIMIT - 1 if self._exact else math.inf)
 
     def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]:
         if self._exact:
             return {"weights": (0, WEIGHT_LIMIT), "theta": (1, THRESHOLD_LIMIT - 1)}
-        learning, inputs = self._learning, len(self._trainer.state.weights)
+        learning, inputs = self._learning, len(self._state.weights)
         spikes = epochs * self._places * learning.steps  # of the first traverse: thresholds rise in the first phase
         theta = (learning.threshold + learning.theta_plus * spikes) * max(1.0, learning.consolidation_threshold)
         heaviest = max(learning.w_max, learning.mean_weight * inputs)  # all of a neuron's weights can be one input's

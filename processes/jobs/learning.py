@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, WeightRule
+from lava_vpr.engine.learning.integer import IntegerLearning, WeightRule
 from lava_vpr.engine.learning.lava_order import FoldedPhase, FoldedTrainer
+from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.isolated.worker import report
 from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
 from lava_vpr.processes.base.shared_memory import shared_array
@@ -39,7 +40,7 @@ class _Runtime:
     def __init__(
         self,
         phase: IntegerLearning,
-        state: IntegerState,
+        state: PlasticState,
         rates: NDArray[np.uint16],
         keys: NDArray[np.uint64],
         run: Loihi2SimCfg,
@@ -83,7 +84,7 @@ def learning(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> 
         ``theta`` (n, neurons), int64 or float64; ``raster`` uint8 (n, interval, neurons).
     """
     phase, tag = learning_of(options["learning"]), options.get("tag", "fixed_pt")
-    state, rates, keys = IntegerState(arrays["weights"], arrays["theta"]), arrays["rates"], arrays["keys"]
+    state, rates, keys = PlasticState(arrays["weights"], arrays["theta"]), arrays["rates"], arrays["keys"]
     n, (inputs, neurons) = len(rates), state.weights.shape
     kind = np.uint8 if tag == "fixed_pt" else np.float64
     weights, traces = shared_array((n, neurons, inputs), kind), shared_array((n, inputs), kind)
@@ -110,7 +111,7 @@ def library(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> d
     Returns:
         ``weights`` (inputs, neurons) and ``traces`` (inputs,) after it; ``raster`` uint8 (interval, neurons).
     """
-    phase, state = learning_of(options["learning"]), IntegerState(arrays["weights"], arrays["theta"])
+    phase, state = learning_of(options["learning"]), PlasticState(arrays["weights"], arrays["theta"])
     run = Loihi2SimCfg(select_tag="fixed_pt", select_sub_proc_model=not options.get("own"))
     seed = options["rng_seed"]
     with _Runtime(phase, state, arrays["rates"], arrays["keys"], run, rng_seed=seed) as runtime:
@@ -135,13 +136,13 @@ def folded(arrays: Mapping[str, NDArray[Any]], options: Mapping[str, Any]) -> di
         ``raster`` uint8 (n, interval, neurons); the host's ``host_weights`` and ``host_theta`` at the end.
     """
     phases = [FoldedPhase(**{**part, "chip": learning_of(part["chip"])}) for part in options["phases"]]
-    state = IntegerState(arrays["weights"].copy(), arrays["theta"].copy())
+    state = PlasticState(arrays["weights"].copy(), arrays["theta"].copy())
     trainer, epoch = FoldedTrainer(phases, state, options["seeds"]), int(options["epoch"])
     trainer.begin_epoch(epoch)
     rates, keys, chip = arrays["rates"], arrays["keys"], trainer.phase.chip
     n, (inputs, neurons) = len(rates), state.weights.shape
     boundary = trainer.begin(int(keys[0]))
-    start = IntegerState(boundary.weights, np.full(neurons, trainer.common, np.int32))
+    start = PlasticState(boundary.weights, np.full(neurons, trainer.common, np.int32))
     run = Loihi2SimCfg(select_tag="fixed_pt", select_sub_proc_model=True)
     more = {"keys": keys[:1], "rng_seed": trainer.seeds[epoch], "mantissas": boundary.mantissas}
     weights, traces = np.zeros((n, inputs, neurons), np.uint8), np.zeros((n, inputs), np.uint8)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from lava_vpr.engine.general.lif import check_thresholds, need
 from lava_vpr.engine.inference.biases import bias_registers
 from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork, count_spikes
-from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState
+from lava_vpr.engine.learning.integer import IntegerLearning
+from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.loihi import INPUT_SHIFT, THRESHOLD_LIMIT
 from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, check_presentations, whole
 from lava_vpr.processes.base.magma import (
@@ -262,7 +263,7 @@ class LearningPlaceNetwork(NetworkProcess):
         self,
         *,
         learning: IntegerLearning,
-        state: IntegerState,
+        state: PlasticState,
         keys: NDArray[np.uint64],
         rng_seed: int | None = None,
         mantissas: NDArray[np.int64] | None = None,

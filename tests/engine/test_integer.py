@@ -10,15 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.literal import integers
 
-from lava_vpr.config import StdpLearning
+from lava_vpr.config import StdpLearning, integer_config, preset
+from lava_vpr.configfile import update
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.learning import integer, integer_kernels
-from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, WeightRule
+from lava_vpr.engine.learning.integer import IntegerLearning, WeightRule
+from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.engine.random import presentation_key
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.loihi import PRODUCT_EXPONENTS, PRODUCT_MANTISSAS
+from lava_vpr.model import Stretch
+from lava_vpr.training.trainers import StdpTrainer
 
 INPUTS, NEURONS = 24, 5
 USUAL = IntegerLearning(
@@ -64,7 +68,7 @@ def changed(**changes: object) -> IntegerLearning:
 def test_equals_the_literal_version(learning: IntegerLearning) -> None:
     learning.check()
     rng = np.random.default_rng(1)
-    state = IntegerState(rng.integers(0, 60, (INPUTS, NEURONS)).astype(np.uint8), np.full(NEURONS, 240, np.int32))
+    state = PlasticState(rng.integers(0, 60, (INPUTS, NEURONS)).astype(np.uint8), np.full(NEURONS, 240, np.int32))
     start = state.weights.copy()
     fired = 0
     for k in range(3):
@@ -86,7 +90,7 @@ def test_equals_the_literal_version(learning: IntegerLearning) -> None:
 def raster_of(weights: np.ndarray, inhibition: int) -> np.ndarray:
     """Every spike of neurons that do not learn, uint8 (steps + 3, neurons)."""
     frozen = changed(products=(), weight_sum=0, inhibition=inhibition, theta_plus=0)
-    state = IntegerState(weights.copy(), np.full(weights.shape[1], 240, np.int32))
+    state = PlasticState(weights.copy(), np.full(weights.shape[1], 240, np.int32))
     rates = np.random.default_rng(2).integers(0, 12_000, len(weights)).astype(np.uint16)
     raster = integer.present(state, frozen, rates, presentation_key(1, "train", 2), raster=True)[2]
     assert np.array_equal(state.weights, weights)
@@ -181,7 +185,7 @@ def test_products_sum_to_the_rate(rate: float) -> None:
 def test_traces_given_go_on_and_the_default_starts_at_zero() -> None:
     rates, key = np.zeros(INPUTS, np.uint16), 5
     for traces, nonzero in ((np.full(INPUTS, 127, np.uint8), True), (np.zeros(INPUTS, np.uint8), False)):
-        state = IntegerState(np.full((INPUTS, NEURONS), 10, np.uint8), np.full(NEURONS, 50, np.int32))
+        state = PlasticState(np.full((INPUTS, NEURONS), 10, np.uint8), np.full(NEURONS, 50, np.int32))
         integer.present(state, USUAL, rates, key, traces=traces)
         assert traces.any() == nonzero
         assert traces.max() < 127
@@ -239,17 +243,18 @@ def test_phases_are_the_float_settings_in_integers() -> None:
 
 
 def test_a_stretch_learns_what_it_is_shown() -> None:
-    learning = StdpLearning()
-    trainer = integer.IntegerTrainer(100, 4, learning, 12.0, seed=0, stretch=0)
-    rates = np.zeros(100, np.uint16)
-    rates[:20] = round(12 / 20 * 65536 * 0.999)
+    config = update(preset("loihi"), {"learning": {"arithmetic": "integer"}})
+    trainer, inputs = StdpTrainer(config, Stretch(0, 4, 0, 4), 0), config.encoder.inputs
+    weights, theta = trainer.state().values()
+    rates = np.zeros(inputs, np.uint16)
+    rates[: inputs // 5] = round(12 / (inputs // 5) * 65536 * 0.999)
     for epoch in range(3):
         trainer.begin_epoch(epoch)
-        counts, _ = trainer.present(rates, epoch)
+        counts = trainer.present(rates, epoch, 0, epoch)
     winner = int(counts.argmax())
-    assert trainer.state.weights[:20, winner].mean() > 5 * trainer.state.weights[20:, winner].mean()
-    before = trainer.state.theta.copy()
-    trainer.begin_epoch(learning.competing)
-    assert np.array_equal(trainer.state.theta, before >> 1)
-    trainer.present(rates, 9)
-    assert np.array_equal(trainer.state.theta, before >> 1)
+    assert weights[: inputs // 5, winner].mean() > 5 * weights[inputs // 5 :, winner].mean()
+    before, last = theta.copy(), integer_config(config, "a test").learning.competing
+    trainer.begin_epoch(last)
+    assert np.array_equal(theta, before >> 1)
+    assert trainer.present(rates, 9, 0, last).any()
+    assert np.array_equal(theta, before >> 1)

@@ -30,14 +30,15 @@ RATES32 = np.ones((2, INPUTS), np.uint32)
 SPIKES = np.zeros((STEPS + 3, INPUTS), np.uint8)
 
 
-def trainer() -> stdp.Trainer:
-    return stdp.Trainer(stdp.initial_state(INPUTS, NEURONS, LEARNING, 0), LEARNING, 5.0)
+def reals(rates: np.ndarray = RATES[0]) -> object:
+    state = stdp.initial_state(INPUTS, NEURONS, LEARNING, 5.0, 0, 0)
+    return stdp.present(state, stdp.phases(LEARNING, INPUTS, 5.0)[0], rates, 1)
 
 
 def integers(rates: np.ndarray = RATES[0], theta: np.ndarray | None = None, **options: Any) -> object:
     phase = integer.phases(LEARNING, INPUTS, 5.0)[0]
     theta = np.full(NEURONS, 50, np.int32) if theta is None else theta
-    return integer.present(integer.IntegerState(WEIGHTS.copy(), theta), phase, rates, 1, **options)
+    return integer.present(stdp.PlasticState(WEIGHTS.copy(), theta), phase, rates, 1, **options)
 
 
 def floats(**changes: np.ndarray) -> conductance.ConductanceState:
@@ -48,7 +49,7 @@ def floats(**changes: np.ndarray) -> conductance.ConductanceState:
 
 ENTRIES: dict[str, Callable[..., object]] = {
     "fixed": lambda rates=RATES, keys=KEYS, **options: count_spikes(NETWORK, rates, keys, **options),
-    "stdp": lambda rates=RATES[0]: trainer().present(rates, 1),
+    "stdp": reals,
     "integer": integers,
     "fold": lambda w=WEIGHTS, t=THRESHOLDS: lava_order.fold(w, t, 1, 1),
     "membranes": lambda i=SPIKES, inh=SPIKES[:, :1]: membranes(NETWORK, i, inh),

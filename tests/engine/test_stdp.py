@@ -99,22 +99,21 @@ def train_presentation(
 )
 def test_equals_the_literal_version(changes: dict) -> None:
     learning = dataclasses.replace(StdpLearning(steps=120, threshold=2.0, competition_epochs=2), **changes)
-    state = stdp.initial_state(30, 6, learning, seed=1)
+    state, phases = stdp.initial_state(30, 6, learning, 3.0, 1, 0), stdp.phases(learning, 30, 3.0)
     literal_weights, literal_theta = state.weights.copy(), state.theta.copy()
-    trainer = stdp.Trainer(state, learning, spikes_per_step=3.0)
     gain = learning.drive / (learning.mean_weight * 3.0)
     rng = np.random.default_rng(0)
     spiked = [0, 0]
     for epoch in range(4):
-        trainer.begin_epoch(epoch)
         consolidating = epoch >= 2
         if epoch == 2:
+            stdp.scale_thresholds(state.theta, learning.consolidation_threshold)
             literal_theta *= np.float32(learning.consolidation_threshold)
         tau = learning.consolidation_tau_trace if consolidating else learning.tau_trace
         share = learning.consolidation_x_target if consolidating else learning.x_target
         load = 3.0 / 30 * tau
         rates = rng.integers(0, 13000, 30).astype(np.uint16)
-        counts, events = trainer.present(rates, epoch)
+        counts, events = stdp.present(state, phases[consolidating], rates, epoch)
         spikes_of = bias_input_spikes if learning.trains == "regular" else draw_spikes
         spikes = spikes_of(rates, epoch, learning.steps)
         expected = train_presentation(
@@ -144,7 +143,7 @@ def counts_of(weights: np.ndarray, inhibition: float) -> np.ndarray:
     learning = StdpLearning(steps=120, threshold=2.0, eta=0.0, theta_plus=0.0, inhibition=inhibition)
     state = stdp.PlasticState(weights.astype(np.float32), np.full(weights.shape[1], 2, np.float32))
     rates = np.random.default_rng(5).integers(0, 13000, len(weights)).astype(np.uint16)
-    return stdp.Trainer(state, learning, 3.0).present(rates, 6)[0]
+    return stdp.present(state, stdp.phases(learning, len(weights), 3.0)[0], rates, 6)[0]
 
 
 def test_inhibition_comes_once_a_step_and_spares_those_that_spiked() -> None:
@@ -173,12 +172,11 @@ def test_mean_trace_is_the_mean_of_a_trace_that_spikes_set_to_one() -> None:
 
 def test_learning_pulls_weights_to_what_was_shown() -> None:
     learning = StdpLearning()
-    state = stdp.initial_state(100, 4, learning, seed=0)
-    trainer = stdp.Trainer(state, learning, spikes_per_step=12.0)
+    state, phase = stdp.initial_state(100, 4, learning, 12.0, 0, 0), stdp.phases(learning, 100, 12.0)[0]
     rates = np.zeros(100, np.uint16)
     rates[:20] = round(12 / 20 * 65536 * 0.999)
     for epoch in range(3):
-        counts, _ = trainer.present(rates, epoch)
+        counts, _ = stdp.present(state, phase, rates, epoch)
     winner = int(counts.argmax())
     stdp.normalise(state.weights, learning.mean_weight)
     assert state.weights[:20, winner].mean() > 5 * state.weights[20:, winner].mean()
@@ -199,7 +197,7 @@ def test_trace_decays_exponentially() -> None:
 
 def test_stretches_start_from_weights_of_their_own() -> None:
     learning = StdpLearning()
-    a, b = (stdp.initial_state(20, 5, learning, 0, stretch).weights for stretch in (0, 1))
+    a, b = (stdp.initial_state(20, 5, learning, 3.0, 0, stretch).weights for stretch in (0, 1))
     assert not np.array_equal(a, b)
     assert 0.003 <= a.min() < a.max() < 0.303
 

@@ -11,12 +11,20 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.places import encoded
-from lava_vpr.config import preset
+from lava_vpr.config import Config, preset
 from lava_vpr.encoding import draw_spikes, rates16
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, IntegerTrainer, WeightRule, present
+from lava_vpr.engine.learning.integer import (
+    IntegerLearning,
+    WeightRule,
+    initial_state,
+    phases,
+    present,
+    scale_thresholds,
+)
 from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS
 from lava_vpr.engine.learning.lava_order import LibraryDraws
+from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
@@ -43,19 +51,19 @@ LATE = dataclasses.replace(COMPETITION, late_theta=True, regular=True)
 PLAIN = dataclasses.replace(COMPETITION, neurons=LifParameters(dv=205), weight_sum=0)
 
 
-Start = tuple[IntegerState, NDArray[np.uint16], NDArray[np.uint64]]
+Start = tuple[PlasticState, NDArray[np.uint16], NDArray[np.uint64]]
 
 
 def start() -> Start:
     """A state, and rates and keys of `IMAGES` presentations."""
     rng = np.random.default_rng(0)
-    state = IntegerState(rng.integers(0, 40, (INPUTS, NEURONS)).astype(np.uint8), np.full(NEURONS, 480, np.int32))
+    state = PlasticState(rng.integers(0, 40, (INPUTS, NEURONS)).astype(np.uint8), np.full(NEURONS, 480, np.int32))
     rates = np.minimum(rng.gamma(1.0, 7000.0, (IMAGES, INPUTS)), 65535).astype(np.uint16)
     return state, rates, presentation_keys(0, "train", np.arange(IMAGES))
 
 
 def through_lava(
-    phase: IntegerLearning, state: IntegerState, rates: NDArray[np.uint16], keys: NDArray[np.uint64], **options: Any
+    phase: IntegerLearning, state: PlasticState, rates: NDArray[np.uint16], keys: NDArray[np.uint64], **options: Any
 ) -> dict[str, NDArray[Any]]:
     """What `LearningPlaceNetwork` makes of the presentations."""
     arrays = {"weights": state.weights, "theta": state.theta, "rates": rates, "keys": keys}
@@ -68,7 +76,7 @@ def through_lava(
 
 
 def hold_against_host(
-    phase: IntegerLearning, state: IntegerState, rates: NDArray[np.uint16], keys: NDArray[np.uint64]
+    phase: IntegerLearning, state: PlasticState, rates: NDArray[np.uint16], keys: NDArray[np.uint64]
 ) -> int:
     """Compare each presentation with the host engine's, which changes ``state``; how many spikes there were."""
     found = through_lava(phase, state, rates, keys)
@@ -97,6 +105,12 @@ def test_every_weight_trace_threshold_and_spike_equals_the_host_engine(phase: In
     assert hold_against_host(phase, *start()) > 30
 
 
+def untrained(config: Config, neurons: int) -> tuple[IntegerLearning, IntegerLearning, PlasticState]:
+    """Both phases of learning, and the state at its start."""
+    learning, inputs, spikes = config.learning, config.encoder.inputs, config.encoder.train_spikes
+    return *phases(learning, inputs, spikes), initial_state(inputs, neurons, learning, spikes, config.seed, 0)
+
+
 @pytest.mark.slow
 @pytest.mark.data
 def test_the_first_real_images_of_both_phases_equal_the_host_engine(data_root: Path) -> None:
@@ -104,10 +118,10 @@ def test_the_first_real_images_of_both_phases_equal_the_host_engine(data_root: P
     images = encoded("summer", config.encoder).take(slice(0, 5))
     rates = rates16(images.activity, config.encoder.train_spikes)
     keys = presentation_keys(config.seed, "train", images.indices)
-    trainer = IntegerTrainer(config.encoder.inputs, 100, config.learning, config.encoder.train_spikes, config.seed, 0)
-    assert hold_against_host(trainer.competition, trainer.state, rates, keys) > 50
-    trainer.begin_epoch(config.learning.competing)
-    assert hold_against_host(trainer.consolidation, trainer.state, rates[:5], keys[:5] + np.uint64(1)) > 20
+    competition, consolidation, state = untrained(config, 100)
+    assert hold_against_host(competition, state, rates, keys) > 50
+    scale_thresholds(state.theta, config.learning.consolidation_threshold)
+    assert hold_against_host(consolidation, state, rates[:5], keys[:5] + np.uint64(1)) > 20
 
 
 def one_presentation(phase: IntegerLearning, given: Start | None = None, **options: Any) -> dict[str, NDArray[Any]]:
@@ -139,14 +153,13 @@ def test_a_real_image_is_learned_alike_by_the_library(data_root: Path) -> None:
     images = encoded("summer", config.encoder).take(slice(0, 1))
     rates = rates16(images.activity, config.encoder.train_spikes)
     keys = presentation_keys(config.seed, "train", images.indices)
-    trainer = IntegerTrainer(config.encoder.inputs, 25, config.learning, config.encoder.train_spikes, config.seed, 0)
-    neurons = LifParameters(dv=trainer.competition.neurons.dv)
-    phase = dataclasses.replace(trainer.competition, neurons=neurons, weight_sum=0)
-    found, own = (one_presentation(phase, (trainer.state, rates, keys), own=own) for own in (False, True))
+    competition, _, state = untrained(config, 25)
+    phase = dataclasses.replace(competition, neurons=LifParameters(dv=competition.neurons.dv), weight_sum=0)
+    found, own = (one_presentation(phase, (state, rates, keys), own=own) for own in (False, True))
     for name in ("raster", "weights", "traces"):
         assert np.array_equal(found[name], own[name]), name
     assert own["raster"].sum() > 5
-    changed = own["weights"] != trainer.state.weights
+    changed = own["weights"] != state.weights
     assert changed.mean() > 0.01
     print(f"{own['raster'].sum()} spikes, {changed.sum()} weights learned, all equal")  # shown with pytest's -s
 
@@ -274,7 +287,7 @@ def test_a_network_that_cannot_be_is_refused() -> None:
         changed = dataclasses.replace(COMPETITION, inhibition=inhibition)
         with pytest.raises(NetworkLimitError, match=text):
             LearningPlaceNetwork(learning=changed, state=state, keys=keys)
-    high = IntegerState(state.weights, np.full(NEURONS, 1 << 17, np.int32))
+    high = PlasticState(state.weights, np.full(NEURONS, 1 << 17, np.int32))
     with pytest.raises(NetworkLimitError, match="threshold is 131072"):
         LearningPlaceNetwork(learning=COMPETITION, state=high, keys=keys)
 

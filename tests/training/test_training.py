@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from support.common.small_models import encoded, small_config, small_model, tiny_paper, two_images_a_place
+from numpy.typing import NDArray
+from support.common.small_models import encoded, small_config, small_model, tiny_paper
 
 from lava_vpr import model
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
@@ -20,7 +22,7 @@ from lava_vpr.errors import ConfigError, InputError, ModelFileError, NetworkLimi
 from lava_vpr.model import Model, integer_model
 from lava_vpr.storage import container
 from lava_vpr.training.loop import check_size, presentations, split, train
-from lava_vpr.training.measuring import coverage, measured_responses, reference_responses
+from lava_vpr.training.measuring import coverage, reference_responses
 from lava_vpr.training.stretches import Progress
 
 
@@ -262,18 +264,16 @@ def test_parts_that_are_not_the_route_are_refused(parts: tuple[int, ...]) -> Non
 
 def test_a_references_response_is_its_own() -> None:
     """Neither the order of traverses nor that of places changes what an image adds to S^R."""
-    model, first, second = small_model(), encoded(), encoded(seed=5)
+    model, first, second = small_model(), encoded().activity, encoded(seed=5).activity
     network = integer_model(model, "this test").network
-    responses = reference_responses(network, [first, second], model.config, ONE_THREAD)
-    np.testing.assert_array_equal(reference_responses(network, [second, first], model.config, ONE_THREAD), responses)
-    alone = [reference_responses(network, [one], model.config, ONE_THREAD) for one in (first, second)]
-    np.testing.assert_array_equal(alone[0] + alone[1], responses)
-    np.testing.assert_array_equal(alone[0], model.responses)
-    back = dataclasses.replace(first, activity=first.activity[::-1])
-    np.testing.assert_array_equal(reference_responses(network, [back], model.config, ONE_THREAD), alone[0][:, ::-1])
-    twice = two_images_a_place()
-    measured = measured_responses(twice, network, ONE_THREAD)
-    np.testing.assert_array_equal(measured, responses)
+
+    def responses(*traverses: NDArray[np.float32]) -> NDArray[Any]:
+        return reference_responses(network, np.concatenate(traverses), model.places, model.config, ONE_THREAD)
+
+    np.testing.assert_array_equal(responses(second, first), responses(first, second))
+    np.testing.assert_array_equal(responses(first) + responses(second), responses(first, second))
+    np.testing.assert_array_equal(responses(first), model.responses)
+    np.testing.assert_array_equal(responses(first[::-1]), responses(first)[:, ::-1])
 
 
 def test_several_traverses_are_learned_by_the_same_neurons() -> None:

@@ -173,14 +173,6 @@ def _own(array: NDArray[np.generic], dtype: type, order: Literal["C", "F"] = "C"
     return np.require(array, dtype=dtype, requirements=[order, "W"])
 
 
-def _driven(
-    weights: NDArray[np.float64], delays: NDArray[np.uint16], rates: NDArray[np.uint32], key: np.uint64, steps: int
-) -> ConductanceDrive:
-    """A network with the input spikes of one presentation."""
-    starts, sources = poisson_spikes(rates, key, steps)
-    return ConductanceDrive(weights, delays, np.repeat(np.arange(steps, dtype=np.int32), np.diff(starts)), sources)
-
-
 def named_events(raw: NDArray[np.int64], neurons: int, n: int, c: Constants) -> dict[str, int]:
     """Event counts by name, summed over ``n`` presentations, the rest included."""
     operations, inputs, exc, inh = (int(x) for x in raw)
@@ -212,20 +204,15 @@ def train_presentation(
     Raises:
         ConfigError, InputError: settings or arrays of another network.
     """
-    network, learning = _settings(config)
+    _, learning = _settings(config)
     _check(state, len(rates))
     check_rates(rates, np.uint32, (len(rates),))
-    c = constants(config, learn=True)
     state.weights = _own(state.weights, np.float64, "F")
     state.theta_mv = _own(state.theta_mv, np.float64)
     state.delays = _own(state.delays, np.uint16, "F")
     normalise(state.weights.T, learning.weight_sum)
-    counts = np.zeros(state.weights.shape[1], np.int32)
-    raw = np.zeros(4, np.int64)
-    net = _driven(state.weights.T, state.delays.T, _own(rates, np.uint32), np.uint64(key), c.steps)
-    longest, traces = int(state.delays.max(initial=0)), trace_table(c.total, network.dt_ms)
-    present(net, state.theta_mv, traces, RULES[learning.rule], longest, c, counts, raw)
-    return counts, named_events(raw, len(counts), 1, c)
+    counts, events = _presented(state, rates[None], np.array([key], np.uint64), config, RULES[learning.rule])
+    return counts[0], events
 
 
 def count_spikes(
@@ -249,24 +236,33 @@ def count_spikes(
     Raises:
         ConfigError, InputError: settings or arrays of another network.
     """
-    network, _ = _settings(config)
     _check(state, rates.shape[-1])
     check_presentations(rates, keys, np.uint32, rates.shape[-1])
-    n, neurons = len(rates), state.weights.shape[1]
-    c = constants(config, learn=False)
-    weights, delays = _own(state.weights, np.float64, "F").T, _own(state.delays, np.uint16, "F").T
-    rates, keys = _own(rates, np.uint32), _own(keys, np.uint64)
-    traces = trace_table(c.total, network.dt_ms)
-    longest = int(delays.max(initial=0))
-    counts = np.zeros((n, neurons), np.int32)
+    weights, delays = _own(state.weights, np.float64, "F"), _own(state.delays, np.uint16, "F")
+    return _presented(ConductanceState(weights, state.theta_mv, delays), rates, keys, config, FROZEN, threads)
 
-    def run(part: slice) -> NDArray[np.int64]:
+
+def _presented(
+    state: ConductanceState,
+    rates: NDArray[np.uint32],
+    keys: NDArray[np.uint64],
+    config: Config,
+    rule: int,
+    threads: int = 1,
+) -> tuple[NDArray[np.int32], dict[str, int]]:
+    """Counts (n, neurons) and events of images; unless ``rule`` is `FROZEN`, ``state`` learns from them."""
+    (network, _), c, n = _settings(config), constants(config, learn=rule != FROZEN), len(rates)
+    weights, delays, rates, keys = state.weights.T, state.delays.T, _own(rates, np.uint32), _own(keys, np.uint64)
+    traces, longest = trace_table(c.total, network.dt_ms), int(delays.max(initial=0))
+    counts = np.zeros((n, len(weights)), np.int32)
+
+    def present_some(part: slice) -> NDArray[np.int64]:
         raw = np.zeros(4, np.int64)
         for q in range(part.start, part.stop):
-            net = _driven(weights, delays, rates[q], keys[q], c.steps)
-            present(net, np.array(state.theta_mv, np.float64), traces, FROZEN, longest, c, counts[q], raw)
+            starts, sources = poisson_spikes(rates[q], keys[q], c.steps)
+            when = np.repeat(np.arange(c.steps, dtype=np.int32), np.diff(starts))
+            theta = np.array(state.theta_mv, np.float64) if rule == FROZEN else state.theta_mv
+            present(ConductanceDrive(weights, delays, when, sources), theta, traces, rule, longest, c, counts[q], raw)
         return raw
 
-    totals = share(run, n, threads)
-    raw = np.sum(totals, axis=0, dtype=np.int64) if totals else np.zeros(4, np.int64)
-    return counts, named_events(raw, neurons, n, c)
+    return counts, named_events(sum(share(present_some, n, threads), np.zeros(4, np.int64)), len(weights), n, c)

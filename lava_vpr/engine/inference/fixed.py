@@ -383,13 +383,12 @@ def count_spikes(
     own = network.bias[None] if bias is None else np.ascontiguousarray(bias)
     bounded = network.bounded(own)
 
-    def run(part: slice) -> NDArray[np.int64]:
+    def present_some(part: slice) -> NDArray[np.int64]:
         events = np.zeros(5, np.int64)
         acc = np.zeros(weights.shape[1], np.int16 if narrow else np.int32)
         shown = (rates[part], table, keys[part], own if bias is None else own[part])
         present(weights, row_sizes, numbers, bounded, *shown, acc, counts[part], events, film[part])
         return events
 
-    totals = share(run, n, threads)
-    raw = np.sum(totals, axis=0, dtype=np.int64) if totals else np.zeros(5, np.int64)
+    raw = sum(share(present_some, n, threads), np.zeros(5, np.int64))
     return counts, named_events(network, raw, n), film

@@ -27,10 +27,10 @@ from lava_vpr.config import StdpLearning
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.inference.biases import slopes
 from lava_vpr.engine.inference.quantise import mantissa_of
-from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, IntegerPhase, StepDraws, normalise_columns, train
-from lava_vpr.engine.learning.stdp import mean_trace
+from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, IntegerPhase, StepDraws, scale_columns, train
+from lava_vpr.engine.learning.stdp import PlasticState, mean_trace, of_both, start_weights
 from lava_vpr.engine.presentations import check_array, check_rates
-from lava_vpr.engine.random import derived_key, presentation_key, uniform
+from lava_vpr.engine.random import derived_key, uniform
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
 from lava_vpr.loihi import (
     DECAY_UNITY,
@@ -157,14 +157,6 @@ class IntegerLearning:
             )
 
 
-@dataclass
-class IntegerState:
-    """The state that training changes: ``weights`` uint8 (inputs, neurons), ``theta`` int32 (neurons,), thresholds."""
-
-    weights: NDArray[np.uint8]
-    theta: NDArray[np.int32]
-
-
 def unit(learning: StdpLearning, spikes_per_step: float) -> float:
     """Units of the input sum per float unit of the membrane."""
     return learning.mean_weight / learning.w_max * WEIGHT_LIMIT * spikes_per_step / learning.drive
@@ -209,21 +201,24 @@ def phases(learning: StdpLearning, inputs: int, spikes_per_step: float) -> tuple
             regular=learning.trains == "regular",
         )
 
-    first = phase(learning.eta, learning.tau_trace, learning.x_target, learning.theta_plus)
-    second = phase(learning.consolidation_eta, learning.consolidation_tau_trace, learning.consolidation_x_target, 0.0)
-    for part in (first, second):
+    both = of_both(learning, phase)
+    for part in both:
         part.check()
-    return first, second
+    return both
 
 
 def initial_state(
     inputs: int, neurons: int, learning: StdpLearning, spikes_per_step: float, seed: int, stretch: int
-) -> IntegerState:
-    """Random start weights, those of float learning rounded; a ``stretch`` draws its own, by its key."""
-    draws = uniform(presentation_key(seed, "start", stretch), inputs * neurons).reshape(inputs, neurons)
-    weights = learning.start_weight * (draws + 0.01) * (WEIGHT_LIMIT / learning.w_max)
+) -> PlasticState:
+    """`start_weights` and the threshold, rounded."""
+    weights = start_weights(inputs, neurons, learning, seed, stretch) * (WEIGHT_LIMIT / learning.w_max)
     theta = np.full(neurons, round(learning.threshold * unit(learning, spikes_per_step)), np.int32)
-    return IntegerState(np.minimum(np.round(weights), WEIGHT_LIMIT).astype(np.uint8), theta)
+    return PlasticState(np.minimum(np.round(weights), WEIGHT_LIMIT).astype(np.uint8), theta)
+
+
+def scale_thresholds(theta: NDArray[np.int32], factor: float) -> None:
+    """Multiply thresholds in place by ``factor``, rounded to a multiple of 2^-8; none is below 1."""
+    theta[:] = np.maximum(1, theta.astype(np.int64) * round(factor * 256) >> 8)
 
 
 def step_draws(key: int, steps: int) -> StepDraws:
@@ -235,7 +230,8 @@ def step_draws(key: int, steps: int) -> StepDraws:
 
 def normalise(weights: NDArray[np.uint8], total: int, key: int) -> None:
     """Bring each neuron's weights (a column) in place to the sum ``total``, rounding stochastically."""
-    normalise_columns(weights, total, np.uint64(derived_key(key, "normalise")))
+    sums = np.maximum(1, weights.sum(axis=0, dtype=np.int64))
+    scale_columns(weights, total, sums, np.uint64(derived_key(key, "normalise")))
 
 
 def _kernel_phase(learning: IntegerLearning) -> IntegerPhase:
@@ -256,7 +252,7 @@ def _kernel_phase(learning: IntegerLearning) -> IntegerPhase:
 
 
 def present(
-    state: IntegerState,
+    state: PlasticState,
     learning: IntegerLearning,
     rates: NDArray[np.uint16],
     key: int,
@@ -320,32 +316,3 @@ def present(
         raised = state.theta + counts * np.int32(learning.neurons.theta_plus)
         state.theta[:] = np.minimum(raised, THRESHOLD_LIMIT - 1)
     return counts, events, film
-
-
-class IntegerTrainer:
-    """One stretch's plastic network in integers, ready to be shown images; the counterpart of `stdp.Trainer`."""
-
-    def __init__(
-        self,
-        inputs: int,
-        neurons: int,
-        learning: StdpLearning,
-        spikes_per_step: float,
-        seed: int,
-        stretch: int,
-    ) -> None:
-        self.learning = learning
-        self.competition, self.consolidation = phases(learning, inputs, spikes_per_step)
-        self.state = initial_state(inputs, neurons, learning, spikes_per_step, seed, stretch)
-        self.phase = self.competition
-
-    def begin_epoch(self, epoch: int) -> None:
-        """Choose the phase of ``epoch`` (from 0); to be called before the first image of every epoch."""
-        if epoch == self.learning.competing:
-            factor = round(self.learning.consolidation_threshold * 256)
-            self.state.theta[:] = np.maximum(1, self.state.theta.astype(np.int64) * factor >> 8)
-        self.phase = self.competition if epoch < self.learning.competing else self.consolidation
-
-    def present(self, rates: NDArray[np.uint16], key: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-        """Normalise, show one image, learn; spike counts int32 (neurons,) and events, as `stdp.Trainer.present`."""
-        return present(self.state, self.phase, rates, key)[:2]

@@ -1,4 +1,4 @@
-"""Compiled kernels of `lava_vpr.engine.learning.integer`: normalisation, traces, weight changes, one presentation."""
+"""Compiled kernels of `lava_vpr.engine.learning.integer`: scaled weights, traces, weight changes, one presentation."""
 
 from __future__ import annotations
 
@@ -49,30 +49,25 @@ class IntegerPhase(NamedTuple):
 
 
 @compiled(nogil=True)
-def normalise_columns(weights: NDArray[np.uint8], total: int, key: np.uint64) -> None:
-    """Bring each column's sum in place to ``total``, rounding stochastically: w total / sum.
+def scale_columns(weights: NDArray[np.uint8], wanted: int, sizes: NDArray[np.int64], key: np.uint64) -> None:
+    """Scale each column of ``weights`` in place by ``wanted`` / its size, at least 1, rounding stochastically.
 
     Quotients are taken in float64, which is exact here: numerator and denominator are whole and far below 2^53, so that
     none rounds up to the next whole number. A draw of 32 bits d rounds up when d / 2^32 is below the fraction.
     """
     inputs, neurons = weights.shape
-    sums = np.zeros(neurons, np.int64)
-    for j in range(inputs):
-        for i in range(neurons):
-            sums[i] += weights[j, i]
-    divisors = np.maximum(sums, 1).astype(np.float64)
-    wanted = np.float64(total)
+    divisors, factor = sizes.astype(np.float64), np.float64(wanted)
     counters = np.empty(neurons, np.uint64)
     for i in range(neurons):
         counters[i] = key + GOLDEN * (np.uint64(i) << _S32)
     for j in range(inputs):
         own = GOLDEN * np.uint64(j)
         for i in range(neurons):
-            scaled = np.float64(weights[j, i]) * wanted
+            scaled = np.float64(weights[j, i]) * factor
             whole = np.floor(scaled / divisors[i])
             rest = np.uint64(np.int32(scaled - whole * divisors[i]))
             draw = mix(counters[i] + own) >> _S32
-            whole += np.float64(draw * np.uint64(sums[i]) < rest << _S32)
+            whole += np.float64(draw * np.uint64(sizes[i]) < rest << _S32)
             weights[j, i] = np.uint8(np.int32(min(whole, np.float64(WEIGHT_LIMIT))))
 
 

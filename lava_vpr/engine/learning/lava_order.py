@@ -33,23 +33,21 @@ from lava_vpr.engine.inference.quantise import mantissa_of
 from lava_vpr.engine.learning.integer import (
     AGAIN,
     IntegerLearning,
-    IntegerState,
     normalise,
     phases,
     present,
+    scale_thresholds,
 )
-from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws
+from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws, scale_columns
 from lava_vpr.engine.learning.recruiting import Thresholds
+from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.engine.presentations import check_array
-from lava_vpr.engine.random import GOLDEN, derived_key, mix, presentation_key
+from lava_vpr.engine.random import derived_key, presentation_key
 from lava_vpr.errors import ConfigError, InputError, NetworkLimitError
-from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import LOIHI_2_RESET_LIMIT, THRESHOLD_LIMIT, WEIGHT_LIMIT, reset_interval
 
 FACTOR_BITS = 8
 """`FoldedPhase.threshold_factor` is in units of 2^-8."""
-
-_S32 = np.uint64(32)
 
 
 @dataclass(frozen=True)
@@ -185,33 +183,14 @@ def fold(weights: NDArray[np.uint8], thresholds: NDArray[np.int32], common: int,
     check_array(thresholds, "thresholds", np.int32, (len(thresholds),), AGAIN)
     if thresholds.min(initial=1) < 1:
         raise InputError(f"thresholds down to {thresholds.min()}, but they are at least 1; {AGAIN}")
-    return _fold(weights, thresholds, np.int64(common), np.uint64(derived_key(key, "fold")))
+    folded = weights.copy()
+    scale_columns(folded, common, thresholds.astype(np.int64), np.uint64(derived_key(key, "fold")))
+    return folded
 
 
 def unfold(weights: NDArray[np.uint8], before: NDArray[np.uint8], after: NDArray[np.uint8]) -> None:
     """Add to the host's ``weights``, in place, how the chip's changed in a presentation."""
     weights[...] = np.clip(weights.astype(np.int16) + after - before.astype(np.int16), 0, WEIGHT_LIMIT)
-
-
-@compiled(nogil=True)
-def _fold(weights: NDArray[np.uint8], thresholds: NDArray[np.int32], common: int, key: np.uint64) -> NDArray[np.uint8]:
-    """`fold`; quotients in float64 are exact, as in `normalise_columns`."""
-    inputs, neurons = weights.shape
-    folded = np.empty(weights.shape, np.uint8)
-    divisors = thresholds.astype(np.float64)
-    counters = np.empty(neurons, np.uint64)
-    for i in range(neurons):
-        counters[i] = key + GOLDEN * (np.uint64(i) << _S32)
-    for j in range(inputs):
-        own = GOLDEN * np.uint64(j)
-        for i in range(neurons):
-            scaled = np.float64(np.int64(weights[j, i]) * common)
-            whole = np.floor(scaled / divisors[i])
-            rest = np.uint64(np.int32(scaled - whole * divisors[i]))
-            draw = mix(counters[i] + own) >> _S32
-            whole += np.float64(draw * np.uint64(thresholds[i]) < rest << _S32)
-            folded[j, i] = np.uint8(np.int32(min(whole, np.float64(WEIGHT_LIMIT))))
-    return folded
 
 
 def laterals(inhibition: int, thresholds: NDArray[np.int32], common: int) -> tuple[NDArray[np.int64], int]:
@@ -231,13 +210,13 @@ class Boundary:
 
 
 class FoldedTrainer:
-    """One stretch's plastic network as the library runs it; counterpart of `engine.learning.integer.IntegerTrainer`.
+    """One stretch's plastic network as the library runs it; on a board, or as it is simulated.
 
     `present` is `begin`, a presentation on the host's model of the chip, and `end`; with a chip, or Lava, between the
     two this is its host program.
     """
 
-    def __init__(self, learning: Sequence[FoldedPhase], state: IntegerState, seeds: Sequence[int]) -> None:
+    def __init__(self, learning: Sequence[FoldedPhase], state: PlasticState, seeds: Sequence[int]) -> None:
         """Make the trainer at the start of the first phase; `begin_epoch` chooses the phase and the draws of an epoch.
 
         Args:
@@ -257,8 +236,7 @@ class FoldedTrainer:
             if first <= epoch < first + phase.epochs:
                 self.phase = phase
                 if epoch == first:
-                    scaled = self._state.theta.astype(np.int64) * phase.threshold_factor >> FACTOR_BITS
-                    self._state.theta[:] = np.maximum(1, scaled)
+                    scale_thresholds(self._state.theta, phase.threshold_factor / (1 << FACTOR_BITS))
             first += phase.epochs
         self.common = common_threshold(self._state.theta)
         self.draws = LibraryDraws(self.seeds[epoch])
@@ -285,7 +263,7 @@ class FoldedTrainer:
     ) -> tuple[NDArray[np.int32], dict[str, NDArray[np.uint8]], NDArray[np.uint8]]:
         """`present`; also the chip's ``weights`` and ``traces`` after it, and the raster (interval, neurons)."""
         boundary = self.begin(key)
-        chip = IntegerState(boundary.weights.copy(), np.full(len(self._state.theta), self.common, np.int32))
+        chip = PlasticState(boundary.weights.copy(), np.full(len(self._state.theta), self.common, np.int32))
         traces = np.zeros(len(chip.weights), np.uint8)
         counts, _, film = present(
             chip,

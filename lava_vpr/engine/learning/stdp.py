@@ -13,8 +13,9 @@ given back to those, so that winners are spared.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,19 +27,31 @@ from lava_vpr.engine.presentations import check_rates
 from lava_vpr.engine.random import presentation_key, uniform
 from lava_vpr.kernelcache import compiled
 
+Phase = TypeVar("Phase")
+
 
 @dataclass
 class PlasticState:
-    """The state that training changes: ``weights`` (inputs, neurons) and thresholds ``theta`` (neurons,), float32."""
+    """The state that training changes: ``weights`` (inputs, neurons) and thresholds ``theta`` (neurons,).
 
-    weights: NDArray[np.float32]
-    theta: NDArray[np.float32]
+    Both are float32; of learning in integers (`engine.learning.integer`) uint8 and int32.
+    """
+
+    weights: NDArray[Any]
+    theta: NDArray[Any]
 
 
-def initial_state(inputs: int, neurons: int, learning: StdpLearning, seed: int, stretch: int = 0) -> PlasticState:
+def start_weights(inputs: int, neurons: int, learning: StdpLearning, seed: int, stretch: int) -> NDArray[np.float64]:
     """Random start weights ``start_weight (U[0, 1) + 0.01)``; every ``stretch`` draws its own, by its key."""
     draws = uniform(presentation_key(seed, "start", stretch), inputs * neurons).reshape(inputs, neurons)
-    weights = (learning.start_weight * (draws + 0.01)).astype(np.float32)
+    return learning.start_weight * (draws + 0.01)
+
+
+def initial_state(
+    inputs: int, neurons: int, learning: StdpLearning, spikes_per_step: float, seed: int, stretch: int
+) -> PlasticState:
+    """`start_weights`, and the threshold of the settings; ``spikes_per_step`` decides that of integers alone."""
+    weights = start_weights(inputs, neurons, learning, seed, stretch).astype(np.float32)
     return PlasticState(weights, np.full(neurons, learning.threshold, np.float32))
 
 
@@ -61,16 +74,17 @@ def trace_table(steps: int, tau: float) -> NDArray[np.float32]:
 class KernelPhase(NamedTuple):
     """One phase of learning as the kernel reads it.
 
-    ``eta``, ``target`` (x_target), ``w_max`` and ``mu`` are those of the rule, ``theta_plus``, ``inhibition`` and
-    ``floor`` those of `StdpLearning`. ``keep`` is the share of a membrane that a step leaves, ``gain`` the drive of one
-    unit of weight, ``hold_steps`` the number of steps at rest after a spike. Inputs spike in ``regular`` trains or by
-    Poisson draws. ``trace`` is `trace_table`.
+    ``eta``, ``target`` (x_target), ``w_max`` and ``mu`` are those of the rule, ``mean_weight``, ``theta_plus``,
+    ``inhibition`` and ``floor`` those of `StdpLearning`. ``keep`` is the share of a membrane that a step leaves,
+    ``gain`` the drive of one unit of weight, ``hold_steps`` the number of steps at rest after a spike. Inputs spike in
+    ``regular`` trains or by Poisson draws. ``trace`` is `trace_table`.
     """
 
     eta: np.float32
     target: np.float32
     w_max: np.float32
     mu: np.float32
+    mean_weight: float
     theta_plus: np.float32
     inhibition: np.float32
     keep: np.float32
@@ -200,65 +214,66 @@ def mean_trace(inputs: int, spikes_per_step: float, tau: float) -> float:
     return load / (1.0 + load)
 
 
-class Trainer:
-    """One stretch's plastic network, ready to be shown images.
+def phases(learning: StdpLearning, inputs: int, spikes_per_step: float) -> tuple[KernelPhase, KernelPhase]:
+    """Competition and consolidation.
 
     Args:
-        state: Start weights and thresholds, changed in place.
         learning: Settings of the rule.
+        inputs: Number of inputs.
         spikes_per_step: Expected input spikes per step ("tot") of the rates that will be shown.
     """
 
-    def __init__(self, state: PlasticState, learning: StdpLearning, spikes_per_step: float) -> None:
-        self.state, self.learning = state, learning
-        inputs = len(state.weights)
-        gain = learning.drive / (learning.mean_weight * spikes_per_step)
-        keep = 1.0 - 1.0 / learning.tau_membrane
-
-        def phase(eta: float, tau: float, target: float, theta_plus: float) -> KernelPhase:
-            return KernelPhase(
-                eta=np.float32(eta),
-                target=np.float32(target * mean_trace(inputs, spikes_per_step, tau)),
-                w_max=np.float32(learning.w_max),
-                mu=np.float32(learning.mu),
-                theta_plus=np.float32(theta_plus),
-                inhibition=np.float32(learning.inhibition),
-                keep=np.float32(keep),
-                gain=np.float32(gain),
-                floor=np.float32(learning.floor),
-                steps=learning.steps,
-                hold_steps=learning.hold_steps,
-                regular=learning.trains == "regular",
-                trace=trace_table(learning.steps, tau),
-            )
-
-        self._competition = phase(learning.eta, learning.tau_trace, learning.x_target, learning.theta_plus)
-        self._consolidation = phase(
-            learning.consolidation_eta, learning.consolidation_tau_trace, learning.consolidation_x_target, 0.0
+    def phase(eta: float, tau: float, target: float, theta_plus: float) -> KernelPhase:
+        return KernelPhase(
+            eta=np.float32(eta),
+            target=np.float32(target * mean_trace(inputs, spikes_per_step, tau)),
+            w_max=np.float32(learning.w_max),
+            mu=np.float32(learning.mu),
+            mean_weight=learning.mean_weight,
+            theta_plus=np.float32(theta_plus),
+            inhibition=np.float32(learning.inhibition),
+            keep=np.float32(1.0 - 1.0 / learning.tau_membrane),
+            gain=np.float32(learning.drive / (learning.mean_weight * spikes_per_step)),
+            floor=np.float32(learning.floor),
+            steps=learning.steps,
+            hold_steps=learning.hold_steps,
+            regular=learning.trains == "regular",
+            trace=trace_table(learning.steps, tau),
         )
-        self._phase = self._competition
 
-    def begin_epoch(self, epoch: int) -> None:
-        """Choose the phase of ``epoch`` (from 0); to be called before the first image of every epoch."""
-        if epoch == self.learning.competing:
-            self.state.theta *= np.float32(self.learning.consolidation_threshold)
-        self._phase = self._competition if epoch < self.learning.competing else self._consolidation
+    return of_both(learning, phase)
 
-    def present(self, rates: NDArray[np.uint16], key: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-        """Normalise, show one image, learn.
 
-        Args:
-            rates: Spike probabilities in units of 2^-16, uint16 (inputs,).
-            key: The presentation's key (`lava_vpr.engine.random.presentation_key`).
-        Returns:
-            Spike counts int32 (neurons,); numbers of input and excitatory spikes, int64 (2,).
-        Raises:
-            InputError: rates of another type or shape.
-        """
-        state = self.state
-        check_rates(rates, np.uint16, state.weights.shape[:1])
-        counts = np.zeros(len(state.theta), np.int32)
-        events = np.zeros(2, np.int64)
-        normalise(state.weights, self.learning.mean_weight)
-        _train(state.weights, state.theta, rates, slopes()[rates], np.uint64(key), self._phase, counts, events)
-        return counts, events
+def of_both(learning: StdpLearning, phase: Callable[[float, float, float, float], Phase]) -> tuple[Phase, Phase]:
+    """Competition and consolidation, each made of its ``eta``, ``tau_trace``, ``x_target`` and ``theta_plus``."""
+    return (
+        phase(learning.eta, learning.tau_trace, learning.x_target, learning.theta_plus),
+        phase(learning.consolidation_eta, learning.consolidation_tau_trace, learning.consolidation_x_target, 0.0),
+    )
+
+
+def scale_thresholds(theta: NDArray[np.float32], factor: float) -> None:
+    """Multiply thresholds in place by ``factor``, as consolidation begins."""
+    theta *= np.float32(factor)
+
+
+def present(
+    state: PlasticState, phase: KernelPhase, rates: NDArray[np.uint16], key: int
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Normalise, show one image, learn; changes ``state``.
+
+    Args:
+        state: Weights and thresholds.
+        phase: The phase.
+        rates: Spike probabilities in units of 2^-16, uint16 (inputs,).
+        key: The presentation's key (`lava_vpr.engine.random.presentation_key`).
+    Returns:
+        Spike counts int32 (neurons,); numbers of input and excitatory spikes, int64 (2,).
+    Raises:
+        InputError: rates of another type or shape.
+    """
+    check_rates(rates, np.uint16, state.weights.shape[:1])
+    counts, events = np.zeros(len(state.theta), np.int32), np.zeros(2, np.int64)
+    normalise(state.weights, phase.mean_weight)
+    _train(state.weights, state.theta, rates, slopes()[rates], np.uint64(key), phase, counts, events)
+    return counts, events

@@ -25,9 +25,10 @@ from lava_vpr.deploy.bundle.learning import (
 from lava_vpr.encoding import EncodedTraverse, draw_spikes, rates16
 from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.learning.integer import IntegerState, present
+from lava_vpr.engine.learning.integer import present
 from lava_vpr.engine.learning.integer_kernels import StepDraws
 from lava_vpr.engine.learning.lava_order import FoldedPhase, LibraryDraws, fold, folded_phases, laterals, unfold
+from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.engine.random import GOLDEN, derived_key
 from lava_vpr.errors import BundleError, ConfigError, NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
@@ -267,7 +268,7 @@ def test_silent_steps_change_nothing_but_what_is_drawn(model: Model) -> None:
     chip = part.phases[0].chip
     results = []
     for silent in (3, chip.silent_steps + 64):
-        state = IntegerState(part.start.weights.copy(), part.start.theta.copy())
+        state = PlasticState(part.start.weights.copy(), part.start.theta.copy())
         learned = replace(chip, silent_steps=silent)
         draws = LibraryDraws(1).next(chip.steps + 3 + 64 + chip.silent_steps)
         own = StepDraws(draws.traces[: learned.interval], draws.weights[: learned.interval])

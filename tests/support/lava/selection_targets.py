@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from support.lava.small_networks import SMALL_LIMITS, limits, random_network
 
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.learning.integer import IntegerLearning, IntegerState, WeightRule
+from lava_vpr.engine.learning.integer import IntegerLearning, WeightRule
+from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.processes.base.magma import AbstractProcess, Loihi2HwCfg, Loihi2SimCfg, RunSteps
 from lava_vpr.processes.base.shared_memory import shared_array
@@ -35,7 +36,7 @@ PRESENTED: dict[str, Any] = {**SHOWN, "steps": 13, "silent_steps": 3}
 
 def _learning() -> AbstractProcess:
     phase = IntegerLearning(rule=RULE, inhibition=240, neurons=LifParameters(dv=205), steps=13, weight_sum=0)
-    state = IntegerState(np.full((5, 3), 20, np.uint8), np.full(3, 480, np.int32))
+    state = PlasticState(np.full((5, 3), 20, np.uint8), np.full(3, 480, np.int32))
     return LearningPlaceNetwork(learning=phase, state=state, keys=SHOWN["keys"][:1], rng_seed=1)
 
 
