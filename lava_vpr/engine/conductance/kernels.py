@@ -90,15 +90,11 @@ def input_drive(net: ConductanceDrive, begin: int, carry: NDArray[np.float64], d
         width = min(_BLOCK, drive.shape[1] - i0)
         for k in range(width):
             total, weight, delay = sums[k], net.weights[i0 + k], net.delays[i0 + k]
-            for t in range(longest):
-                total[t] = carry[i0 + k, t]
-            for t in range(longest, total.size):
-                total[t] = 0.0
+            total[:longest], total[longest:] = carry[i0 + k], 0.0
             for p in range(n):
                 j = np.uint64(source[p])
                 total[np.uint64(when[p]) + np.uint64(delay[j])] += weight[j]
-            for t in range(longest):
-                carry[i0 + k, t] = total[span + t]
+            carry[i0 + k] = total[span:]
         for t in range(span):
             for k in range(width):
                 drive[t, i0 + k] = sums[k, t]
@@ -194,16 +190,12 @@ def new_plastic(slots: int, inputs: int, spikes: int) -> Plastic:
 
 @compiled(nogil=True)
 def with_room(old: Plastic, n: int) -> Plastic:
-    """``old``, or a larger copy, with a free slot after its first ``n``."""
+    """``old``, or a larger copy, with a free slot after its first ``n``, which are all of its slots or fewer."""
     if n < old.neuron.size:
         return old
     new = new_plastic(2 * n, old.arrived.shape[1], old.times.shape[1])
-    for s in range(n):
-        new.neuron[s], new.cursor[s] = old.neuron[s], old.cursor[s]
-        for j in range(old.arrived.shape[1]):
-            new.arrived[s, j] = old.arrived[s, j]
-        for p in range(old.times.shape[1]):
-            new.times[s, p], new.inputs[s, p] = old.times[s, p], old.inputs[s, p]
+    new.neuron[:n], new.cursor[:n], new.arrived[:n] = old.neuron, old.cursor, old.arrived
+    new.times[:n], new.inputs[:n] = old.times, old.inputs
     return new
 
 
@@ -216,8 +208,7 @@ def recruit(plastic: Plastic, slot: int, i: int, step: int, net: ConductanceDriv
     plastic.neuron[slot], plastic.cursor[slot] = i, 0
     arrived, times, inputs, delay = plastic.arrived[slot], plastic.times[slot], plastic.inputs[slot], net.delays[i]
     ends = np.zeros(total + 1, np.int64)
-    for j in range(arrived.size):
-        arrived[j] = NEVER
+    arrived[:] = NEVER
     for p in range(net.when.size):
         arrival = net.when[p] + np.int64(delay[net.sources[p]])
         if arrival <= step:
@@ -226,8 +217,7 @@ def recruit(plastic: Plastic, slot: int, i: int, step: int, net: ConductanceDriv
             ends[arrival + 1] += 1
     for t in range(max(step, 0), total):
         ends[t + 1] += ends[t]
-    for p in range(ends[total], times.size):
-        times[p] = total
+    times[ends[total] :] = total
     for p in range(net.when.size):
         arrival = net.when[p] + np.int64(delay[net.sources[p]])
         if step < arrival < total:

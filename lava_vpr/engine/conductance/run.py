@@ -145,10 +145,7 @@ def _recruit_clipped(
     """Neurons with a weight outside [0, w_max] are plastic from the start: under the triplet rule arrivals clip it."""
     before = NEVER
     for i in range(exc.v.size):
-        outside = False
-        for j in range(net.weights.shape[1]):
-            outside |= (net.weights[i, j] > c.w_max) | (net.weights[i, j] < 0.0)
-        if outside:
+        if net.weights[i].max() > c.w_max or net.weights[i].min() < 0.0:
             plastic = _recruit(plastic, exc, i, before, net, tally, c.total)
     return plastic
 

@@ -175,15 +175,13 @@ def present(
     """
     threshold, lateral, keep, steps = numbers.threshold, numbers.lateral, numbers.keep, numbers.steps
     no_members, no_row = np.zeros(0, np.int32), np.zeros(0, np.uint8)
-    inputs, width, neurons = rates.shape[1], weights.shape[1], counts.shape[1]
-    v, own, input_bias = np.zeros(width, np.int32), np.zeros(width, np.int32), np.zeros(inputs, np.int32)
+    width, neurons = weights.shape[1], counts.shape[1]
+    v, own = np.zeros(width, np.int32), np.zeros(width, np.int32)
     volleys = np.zeros(numbers.total + numbers.inhibition_delay, np.bool_)  # the steps in which volleys take
     operations, input_spikes, exc_spikes, leaf_spikes, root_spikes = 0, 0, 0, 0, 0
     for q in range(rates.shape[0]):
         if numbers.regular:
-            for j in range(inputs):
-                input_bias[j] = slopes[rates[q, j]]
-            starts, members = schedule(input_bias, keys[q], steps)
+            starts, members = schedule(slopes[rates[q]], keys[q], steps)
         else:
             starts, members = poisson_spikes(rates[q], keys[q], steps)
         if q == 0 or bias.shape[0] > 1:

@@ -99,11 +99,9 @@ def learn_column(
     right, limit = np.int32(max(0, 9 * mu - 4)), np.int32(WEIGHT_LIMIT)
     # A draw of 53 bits is below a fraction k / 2^7 if its highest 7 bits are below k.
     chance = np.int32(draw >> np.uint64(46))
-    total, factor = np.empty(x.size, np.int32), np.empty(x.size, np.int32)
+    total, factor = weights[:, column].astype(np.int32), x.astype(np.int32)
     for j in range(x.size):
-        total[j] = np.int32(weights[j, column])
-    for j in range(x.size):
-        factor[j] = np.int32(np.int32(x[j]) - np.int32(target))
+        factor[j] = np.int32(factor[j] - np.int32(target))
     for _ in range(mu):
         for j in range(x.size):
             factor[j] = np.int32(factor[j] * np.int32(limit - total[j]))
@@ -119,8 +117,7 @@ def learn_column(
         w = max(total[j], zero)
         w = np.int32(np.int32(w >> np.int32(7)) + np.int32(chance < np.int32(w & np.int32(127))))
         total[j] = min(w, limit)
-    for j in range(x.size):
-        weights[j, column] = np.uint8(total[j])
+    weights[:, column] = total.astype(np.uint8)
 
 
 @compiled(nogil=True)
@@ -168,7 +165,7 @@ def train(
     the same step stay equal, and only one value a step is followed.
     """
     steps, whole, fraction = phase.steps, phase.whole, phase.fraction
-    inputs, neurons = weights.shape
+    neurons = weights.shape[1]
     if phase.regular:
         starts, members = schedule(slopes, key, steps)
     else:
@@ -203,13 +200,10 @@ def train(
                 buffer[i] += weights[row, i]
         if n_fired[now] > 0:
             events[1] += n_fired[now]
-            for j in range(inputs):
-                x[j] = value[last[j]]
+            x[:] = value[last]
             _learn_at(weights, x, fired[now], phase, draws.weights[step])
-            for i in range(neurons):
-                counts[i] += fired[now, i]
-                if raster.size > 0:
-                    raster[step, i] = fired[now, i]
+            counts += fired[now]
+            if raster.size > 0:
+                raster[step] = fired[now]
     events[0] += members.size
-    for j in range(inputs):
-        x[j] = value[last[j]]
+    x[:] = value[last]

@@ -186,11 +186,9 @@ def _train(
             for i in range(neurons):
                 drive[i] += weights[row, i]
         now, before = step % 3, (step + 1) % 3  # (step - 2) mod 3
-        for i in range(neurons):
-            drive[i] *= gain
+        drive *= gain
         if n_fired[before] > 0:
-            for i in range(neurons):
-                drive[i] -= inhibition
+            drive -= inhibition
             for s in range(n_fired[before]):
                 drive[fired[before, s]] += inhibition
         n_fired[now] = 0
