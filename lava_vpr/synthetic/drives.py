@@ -15,7 +15,7 @@ from lava_vpr.events.camera import WRITTEN, EventCamera, Sensor, Sent, write_eve
 from lava_vpr.positions.frames import shown_stamp
 from lava_vpr.synthetic.drawing import Camera
 from lava_vpr.synthetic.scene import DRIVE, generator
-from lava_vpr.synthetic.world import METRES_PER_S, STARTS, World, check_conditions, course, light, replace_folder
+from lava_vpr.synthetic.world import METRES_PER_S, STARTS, World, check_conditions, course_at, light, replace_folder
 
 STEP_M = 0.2
 """Metres between two pictures, at most: 50 pictures a second at 10 m/s."""
@@ -71,11 +71,7 @@ class EventDrive:
         """Seconds since the start, float64 (n,), from the first event to the last; and x and y in metres, (n, 2)."""
         seconds, along = self.way()
         times = np.append(np.arange(0.0, seconds[-1], _TRUTH_S), seconds[-1])
-        step = self.world.spacing_m / max(1, round(self.world.spacing_m))
-        points = course(self.world, math.ceil(along[-1] / step) + 1)
-        at = np.interp(times, seconds, along)
-        way = np.arange(len(points)) * step
-        return times, np.stack([np.interp(at, way, axis) for axis in points.T], axis=1)
+        return times, course_at(self.world, np.interp(times, seconds, along))
 
     def _rng(self, role: int) -> np.random.Generator:
         """Random numbers of the drive: its speed (0), its sway (1), its camera (2)."""

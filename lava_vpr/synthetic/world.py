@@ -182,13 +182,8 @@ def track(world: World, condition: str) -> tuple[NDArray[np.float64], NDArray[np
         Seconds since the start, float64 (n,), from that of the first image to that of the last or a little later; and
         x and y in metres as in `positions`, but each with an error of its own, shape (n, 2).
     """
-    step = world.spacing_m / max(1, round(world.spacing_m))
     seconds = np.arange(math.ceil((world.places - 1) * world.spacing_m / METRES_PER_S) + 1, dtype=np.float64)
-    at = seconds * METRES_PER_S
-    path = course(world, math.ceil(at[-1] / step) + 1)
-    s = np.arange(len(path)) * step
-    exact = np.stack([np.interp(at, s, axis) for axis in path.T], axis=1)
-    return seconds, exact + _receiver_error(world, condition, 1, len(seconds))
+    return seconds, course_at(world, seconds * METRES_PER_S) + _receiver_error(world, condition, 1, len(seconds))
 
 
 def course(world: World, points: int) -> NDArray[np.float64]:
@@ -200,6 +195,13 @@ def course(world: World, points: int) -> NDArray[np.float64]:
         heading += amplitude * np.sin(frequency * s + phase)
     path = np.cumsum(np.stack([np.cos(heading), -np.sin(heading)], axis=1), axis=0) * step
     return np.asarray(path - path[0])
+
+
+def course_at(world: World, metres: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where the way is so many ``metres``, ascending, from the first place, float64 (n, 2)."""
+    step = world.spacing_m / max(1, round(world.spacing_m))
+    path = course(world, math.ceil(metres[-1] / step) + 1)
+    return np.stack([np.interp(metres, np.arange(len(path)) * step, axis) for axis in path.T], axis=1)
 
 
 def _receiver_error(world: World, condition: str, role: int, count: int) -> NDArray[np.float64]:
@@ -372,6 +374,7 @@ __all__ = [
     "World",
     "check_conditions",
     "course",
+    "course_at",
     "light",
     "positions",
     "render",
