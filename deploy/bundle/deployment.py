@@ -64,8 +64,7 @@ def contents(
     """Manifest (for `deploy.bundle.folder.sealed`), files and plan of the bundle of ``model``; see `deploy`."""
     plan, target = timed(plan_of(model, board, dense_rows=dense_rows), model), TARGETS[board.name]
     if not measured:
-        activity, network, pool = model.activity, plan.network, Pool(cores())
-        responses = reference_responses(network, activity, model.places, model.config, pool)
+        responses = reference_responses(plan.network, model.activity, model.places, model.config, Pool(cores()))
         calibration = model.calibration if np.array_equal(responses, model.responses) else None
         model = replace(model, responses=responses, calibration=calibration)
     files = {**reference_files(model), **target.network_files(plan), **program_files(target.program)}
