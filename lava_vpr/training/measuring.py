@@ -269,7 +269,9 @@ def reference_responses(
         pool: Who counts the spikes.
     """
     most = len(activity) // places * network.steps
-    total = np.zeros((network.neurons, places), np.uint16 if most <= np.iinfo(np.uint16).max else np.int32)
+    total: NDArray[Any] = np.zeros(
+        (network.neurons, places), np.uint16 if most <= np.iinfo(np.uint16).max else np.int32
+    )
     together = _TOGETHER if pool.here else BLOCK  # of a long map, the counts of all would not fit
     cuts = [slice(start, min(start + together, places)) for start in range(0, places, together)]
     parts = [(traverse, cut) for traverse in activity.reshape(-1, places, activity.shape[1]) for cut in cuts]
