@@ -20,7 +20,7 @@ from benchmarks.program import BenchmarkTable, Printed, program, turns
 from benchmarks.results.rows import ResultRow, measure
 from benchmarks.results.tables import FIVE
 from lava_vpr.backends.interface import HostBackend
-from lava_vpr.bench.measure import alone
+from lava_vpr.bench.measure.matchers import alone, beside_board
 from lava_vpr.bench.measure.timing import each_image, measure_encoding
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import AnsweringWay, on_board
@@ -36,7 +36,6 @@ from lava_vpr.traverse import open_traverse
 
 BEFORE = {"cosine": "encoding", "hog": "descriptors", "sad": "patches"}
 """What an image goes through before each baseline."""
-ALONE: Mapping[str, Callable[[QuerySet], float]] = {"cosine": alone.cosine, "hog": alone.hog, "sad": alone.sad}
 INTEGER = tuple(name for name in PRESETS if name != "paper")
 
 
@@ -65,9 +64,9 @@ def timed(queries: Mapping[str, QuerySet]) -> dict[str, Callable[[], float]]:
         "descriptors": lambda: float(np.median(each_image(images, hog))),
         "patches": lambda: float(np.median(each_image(images, patch_normalised))),
     }
-    made |= {name: partial(measure, first) for name, measure in ALONE.items()}
+    made |= {name: partial(alone, first, name) for name in BEFORE}
     for name, some in queries.items():
-        made |= {f"{name}, part": partial(alone.beside_board, some), f"{name}, host": partial(alone.host, some)}
+        made |= {f"{name}, part": partial(beside_board, some), f"{name}, host": partial(alone, some, "lava-vpr")}
     return made
 
 

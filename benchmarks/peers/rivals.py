@@ -1,6 +1,6 @@
 """Other systems that answer the same queries as lava-vpr: VPRTempo, and VPRSNN's network in Brian2.
 
-VPRTempo takes turns with the matchers of `lava_vpr.bench.peers`. VPRSNN's network runs in Brian2, in an
+VPRTempo takes turns with the matchers of `lava_vpr.bench.measure.matchers`. VPRSNN's network runs in Brian2, in an
 environment that has it (`make peers`); a few queries, one thread.
 """
 
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.peers import vprtempo
-from lava_vpr.bench.peers import TimedMatcher, repeats
+from lava_vpr.bench.measure.matchers import TimedMatcher, repeats
 from lava_vpr.bench.results import Peer
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import to_dict
@@ -95,7 +95,7 @@ def vprtempo_matchers(
     """VPRTempo on its own images, if they are given, and on the smaller ones that a model keeps.
 
     Args:
-        model, queries, truth: As in `lava_vpr.bench.peers.run_peers`.
+        model, queries, truth: As in `benchmarks.peers.side_by_side.all_peers`.
         own: References and queries as VPRTempo preprocesses them (`own_images`).
     """
     found = []

@@ -5,8 +5,8 @@
 (`make peers` sets it up.)
 
 First, milliseconds per presentation, one core, one process: Brian2, our `paper` preset, our `loihi` preset. Then
-every matcher of `lava_vpr.bench.peers` and `benchmarks.peers.rivals` on the same places and queries: speed, recall and
-memory, real images where LAVA_VPR_DATA names them (Nordland 0:100), else the synthetic world.
+every matcher of `lava_vpr.bench.measure.matchers` and `benchmarks.peers.rivals` on the same places and queries: speed,
+recall and memory, real images where LAVA_VPR_DATA names them (Nordland 0:100), else the synthetic world.
 
 Brian2 and `paper` compute the same network; ``--parity`` (default) also gives both the very same input spikes and
 compares what comes out. All of them take turns, presentation by presentation, and the table holds medians, because
@@ -35,7 +35,7 @@ from benchmarks.peers.brian2_network import Brian2Network, spare_collection
 from benchmarks.peers.rivals import OwnImages, brian2_peer, own_images, vprtempo_matchers
 from benchmarks.places import folder
 from benchmarks.program import Printed, program
-from lava_vpr.bench.peers import run_peers
+from lava_vpr.bench.measure.matchers import run_peers
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
 from lava_vpr.cluster.tasks import Pool
@@ -58,6 +58,7 @@ from lava_vpr.engine.random import image_keys, presentation_key, presentation_ke
 from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.matching.evaluation import values_of
 from lava_vpr.model import Model
+from lava_vpr.recognition import Comparison, recognise
 from lava_vpr.show.numbers import percent
 from lava_vpr.show.table import Table
 from lava_vpr.synthetic.world import World, render, write_traverses
@@ -190,12 +191,16 @@ def all_peers(
     """lava-vpr, its baselines and VPRTempo in turns, then VPRSNN's network in Brian2 on a few queries.
 
     Args:
-        model, queries, truth, options: As in `lava_vpr.bench.peers.run_peers`.
+        model: A trained model.
+        queries: Encoded with its settings, and all that baselines compare.
+        truth: bool (n_queries, places).
+        options: As in `lava_vpr.bench.measure.matchers.run_peers`.
         own: The images as VPRTempo preprocesses them; None: it is run on the model's alone.
         brian2_queries: The number of queries that Brian2 is given.
     """
     others = vprtempo_matchers(model, queries, truth, own)
-    peers = run_peers(QuerySet.of(model, queries), truth, others=others, **options)
+    known = recognise(model, queries, truth, Comparison(keep_scores=False), pool=Pool(cores()))
+    peers = run_peers(QuerySet.of(model, queries), known, others=others, **options)
     return (*peers, brian2_peer(model, queries, brian2_queries))
 
 

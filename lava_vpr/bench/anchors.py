@@ -6,8 +6,7 @@ Figures are the authors' own, as published; nothing is converted but units.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
@@ -34,10 +33,6 @@ class Anchor:
     note: str
     citation: str
     doi: str
-
-    def as_json(self) -> dict[str, Any]:
-        """The result as plain values."""
-        return asdict(self)
 
 
 _RENNER = (

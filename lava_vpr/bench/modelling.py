@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Modelled, StepTimes
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.boards.constants import HOST_POWER, Constant, CostConstants
@@ -22,31 +21,6 @@ from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.model import Model, as_integer
 
 
-@dataclass(frozen=True)
-class Boards:
-    """The boards that a query is modelled on.
-
-    Attributes:
-        plans: Where the network stands on each, or why it cannot.
-        trains: The spikes that were counted; None: no integer network.
-        costs: What a query costs, by board.
-        step_times: Times of each step on the boards that have times.
-    """
-
-    plans: dict[str, Plan | str]
-    trains: Trains | None
-    costs: dict[str, Modelled]
-    step_times: tuple[StepTimes, ...]
-
-    @classmethod
-    def of(cls, queries: QuerySet, plans: dict[str, Plan | str], most: int) -> Boards:
-        """Count every spike of at most ``most`` queries, and model what that costs."""
-        trains = counted_trains(queries, most)
-        found = {name: costs_of(queries.model, name, plan, trains, len(queries)) for name, plan in plans.items()}
-        times = tuple(times for _, times in found.values() if times is not None)
-        return cls(plans, trains, {name: costs for name, (costs, _) in found.items()}, times)
-
-
 def plans_of(model: Model, targets: tuple[str, ...]) -> dict[str, Plan | str]:
     """Where the network stands on each board, or why it cannot."""
     plans: dict[str, Plan | str] = {}
@@ -56,14 +30,6 @@ def plans_of(model: Model, targets: tuple[str, ...]) -> dict[str, Plan | str]:
         except (NetworkLimitError, ConfigError) as error:
             plans[name] = str(error)
     return plans
-
-
-def counted_trains(queries: QuerySet, most: int) -> Trains | None:
-    """Every spike of at most ``most`` queries, evenly spread; None: no integer network."""
-    if as_integer(queries.model) is None:
-        return None
-    n = len(queries)
-    return queries.trains(slice(None) if n <= most else np.linspace(0, n - 1, most).round().astype(np.int64))
 
 
 def costs_of(
@@ -98,7 +64,6 @@ def step_times(plan: Plan, events: EventCounts, constants: CostConstants) -> Ste
         return tuple(microseconds.mean(axis=0).tolist())
 
     return StepTimes(
-        target=plan.board.name,
         receive=mean(receive),
         neurons=mean(neurons),
         busiest=mean(np.maximum(receive, neurons)),

@@ -84,7 +84,6 @@ class AskedOn:
     """A query on a board, asked in several views or adapted; energies and times modelled, None where there are none.
 
     Attributes:
-        target: Name of the board.
         presentations: Of a query, one a view.
         steps: In all presentations.
         registers: Registers that are written for a query between presentations.
@@ -93,7 +92,6 @@ class AskedOn:
         io_milliseconds: Time of the host's traffic, apart.
     """
 
-    target: str
     presentations: int
     steps: int
     registers: int
@@ -114,7 +112,7 @@ class QueryVariants:
         events: What the host engine counted, per query.
         multiply_adds: Of the product of weights and rates that the host forms for a query's biases; 0: not adapted.
         host_milliseconds: Time of a query's biases on this machine, median; None: not adapted.
-        boards: What a query takes on each board that the network fits.
+        boards: What a query takes on each board that the network fits, by the board's name.
     """
 
     views: int
@@ -124,7 +122,7 @@ class QueryVariants:
     events: dict[str, float]
     multiply_adds: int
     host_milliseconds: float | None
-    boards: tuple[AskedOn, ...] = ()
+    boards: dict[str, AskedOn] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -183,7 +181,6 @@ class StepTimes:
     """When a board is busy during a presentation, by the cost model with nominal constants; mean over the queries.
 
     Attributes:
-        target: Name of the board.
         receive: Microseconds that what arrives takes on the busiest core in each step.
         neurons: Microseconds that neurons and their messages take on the busiest core in each step.
         busiest: The longer of both in each step of each query.
@@ -191,7 +188,6 @@ class StepTimes:
         barrier: Microseconds of the synchronisation that ends each step.
     """
 
-    target: str
     receive: tuple[float, ...] = field(repr=False)
     neurons: tuple[float, ...] = field(repr=False)
     busiest: tuple[float, ...] = field(repr=False)
@@ -236,8 +232,7 @@ class Bench:
         workload: NeuroBench's metrics; None: the model is no integer network.
         peers, sweep: Empty if they were not asked for, or failed.
         events: What the host engine counted, per query; of every network, a float one too.
-        constants: Constants of the cost model: objects with name, what, low, nominal, high, unit, source.
-        step_times: Times of each step on the targets that have times.
+        step_times: Times of each step, by the board's name, on those that have times.
         command: How to repeat the run.
         asked: Recall and costs with views or adaptation; None: not asked for, or failed.
         energy: All the energy of a query by every way to answer it: boards, the host engine, cosine.
@@ -256,8 +251,7 @@ class Bench:
     peers: tuple[Peer, ...] = ()
     sweep: tuple[SweepPoint, ...] = ()
     events: dict[str, float] = field(default_factory=dict)
-    constants: tuple[Any, ...] = ()
-    step_times: tuple[StepTimes, ...] = ()
+    step_times: dict[str, StepTimes] = field(default_factory=dict)
     command: str = ""
     asked: QueryVariants | None = None
     energy: tuple[AnsweringWay, ...] = ()

@@ -3,36 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.bench import modelling
-from lava_vpr.bench.measure import alone
 from lava_vpr.bench.measure.asked import asked
+from lava_vpr.bench.measure.matchers import alone, beside_board, run_peers
 from lava_vpr.bench.measure.timing import measure, measure_encoding, measure_localizer
 from lava_vpr.bench.measure.workload import workload
-from lava_vpr.bench.peers import run_peers
+from lava_vpr.bench.modelling import costs_of, plans_of
 from lava_vpr.bench.query_set import QuerySet, machine, model_facts
 from lava_vpr.bench.request import Begin, Request
 from lava_vpr.bench.results import (
     AnsweringWay,
     Bench,
     Measured,
+    Modelled,
     OnMap,
     Peer,
     QueryVariants,
+    StepTimes,
     SweepPoint,
     Workload,
     on_board,
 )
 from lava_vpr.bench.sweep import BUDGET, Case, sweep
 from lava_vpr.cluster.tasks import Pool
+from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.engine.presentations import cores
+from lava_vpr.engine.presentations import Trains, cores
 from lava_vpr.errors import LavaVprError
 from lava_vpr.model import Model, as_integer
 from lava_vpr.recognition import Comparison, Recognition, recognise
@@ -41,10 +43,12 @@ from lava_vpr.traverse import Traverse
 COUNTED = 500
 """Queries whose every spike is counted, at most: the counts of each step and core are kept."""
 
+T = TypeVar("T")
+
 
 @dataclass
 class Work:
-    """What stages take from the command and from each other; each part is worked out once, when it is first needed.
+    """What is found out from what the command gives; what several figures need is worked out once.
 
     Attributes:
         queries: The queries, and the model that is asked.
@@ -53,6 +57,7 @@ class Work:
         request: What to find out.
         further: The query images in further views.
         begin: Told what begins.
+        failed: What was asked for and could not be done, with the reason.
     """
 
     queries: QuerySet
@@ -61,6 +66,7 @@ class Work:
     request: Request
     further: Sequence[EncodedTraverse]
     begin: Begin
+    failed: dict[str, str] = field(default_factory=dict)
 
     @cached_property
     def answers(self) -> Recognition:
@@ -71,14 +77,29 @@ class Work:
         return recognise(queries.model, queries.images, self.truth, how, pool=Pool(cores()), shown=queries.shown)
 
     @cached_property
-    def boards(self) -> modelling.Boards:
-        """Where the network stands on each board, and what a query costs there."""
-        plans = modelling.plans_of(self.queries.model, self.request.boards)
-        self.begin("counting", 1)
-        return modelling.Boards.of(self.queries, plans, COUNTED)
+    def plans(self) -> dict[str, Plan | str]:
+        """Where the network stands on each board, or why it cannot."""
+        return plans_of(self.queries.model, self.request.boards)
 
     @cached_property
-    def measured(self) -> tuple[Measured, ...]:
+    def trains(self) -> Trains | None:
+        """Every spike of at most `COUNTED` queries, evenly spread; None: no integer network."""
+        self.begin("counting", 1)
+        if as_integer(self.queries.model) is None:
+            return None
+        n = len(self.queries)
+        return self.queries.trains(
+            slice(None) if n <= COUNTED else np.linspace(0, n - 1, COUNTED).round().astype(np.int64)
+        )
+
+    @cached_property
+    def costs(self) -> dict[str, tuple[Modelled, StepTimes | None]]:
+        """What a query costs on each board, and when that is busy."""
+        queries = self.queries
+        return {k: costs_of(queries.model, k, plan, self.trains, len(queries)) for k, plan in self.plans.items()}
+
+    @cached_property
+    def timed(self) -> tuple[Measured, ...]:
         """Every backend that is to be timed; the encoding before it, and the public path."""
         queries, request = self.queries, self.request
         self.begin("timing encoding", 1)
@@ -90,25 +111,29 @@ class Work:
             rows.append(measure(queries, name, limit=request.limit))
         return tuple(rows)
 
+    def tried(self, name: str, find: Callable[[Work], T], otherwise: T) -> T:
+        """What ``find`` finds; where it fails, ``otherwise``: minutes of other work are not lost."""
+        try:
+            return find(self)
+        except LavaVprError as error:
+            self.failed[name] = str(error)
+            return otherwise
+
 
 def _workload(work: Work) -> Workload | None:
     """NeuroBench's metrics of the first queries; None: no integer network."""
-    trains = work.boards.trains
-    if trains is None:
+    if work.trains is None:
         return None
     # Of more queries than are counted, the trains are those of others than the first.
-    return workload(work.queries, trains if len(work.queries) <= COUNTED else None)
+    return workload(work.queries, work.trains if len(work.queries) <= COUNTED else None)
 
 
 def _peers(work: Work) -> tuple[Peer, ...]:
     """Other matchers on the same images, if they were asked for."""
-
-    def advance(text: str) -> None:
-        work.begin(f"peers: {text}", 1)
-
     if not work.request.peers:
         return ()
-    return run_peers(work.queries, work.truth, recognition=work.answers, advance=advance)
+    work.begin("peers: speed of each", 1)
+    return run_peers(work.queries, work.answers)
 
 
 def _sweep(work: Work) -> tuple[SweepPoint, ...]:
@@ -125,65 +150,26 @@ def _asked(work: Work) -> QueryVariants | None:
     if work.request.plain:
         return None
     work.begin("asking in views, or adapted", 1)
-    return asked(work.queries, work.further, work.truth, work.request.asking, work.boards.plans, COUNTED)
+    return asked(work.queries, work.further, work.truth, work.request.asking, work.plans, COUNTED)
 
 
 def _energy(work: Work) -> tuple[AnsweringWay, ...]:
     """All the energy of a query on every board, by the host engine if it was timed, and by cosine."""
     work.begin("timing the host's part, and cosine", 1)
-    medians = {row.name: float(np.median(row.milliseconds)) for row in work.measured if row.milliseconds}
+    medians = {row.name: float(np.median(row.milliseconds)) for row in work.timed if row.milliseconds}
     encoding, own = medians.get("encoding"), work.answers.metrics[work.answers.default].recall_at_1
     if encoding is None:
         return ()
-    part = alone.beside_board(work.queries) if as_integer(work.queries.model) is not None else 0.0
-    ways = [on_board(costs, own, part, encoding) for costs in work.boards.costs.values()]
+    part = beside_board(work.queries) if as_integer(work.queries.model) is not None else 0.0
+    ways = [on_board(costs, own, part, encoding) for costs, _ in work.costs.values()]
     if "host" in medians:
         ways.append(AnsweringWay("host", own, medians["host"], encoding))
-    ways.append(
-        AnsweringWay("cosine", work.answers.metrics["cosine"].recall_at_1, alone.cosine(work.queries), encoding)
-    )
+    cosine = work.answers.metrics["cosine"].recall_at_1
+    ways.append(AnsweringWay("cosine", cosine, alone(work.queries, "cosine"), encoding))
     return tuple(way for way in ways if way is not None)
 
 
-@dataclass(frozen=True)
-class Stage:
-    """A stage of a run.
-
-    Attributes:
-        field: What it finds out: a field of `Bench`.
-        find: How.
-        name: Its name where it fails, which does not end the run; None: without it there is no result.
-        otherwise: The field's value then.
-    """
-
-    field: str
-    find: Callable[[Work], Any]
-    name: str | None = None
-    otherwise: Any = None
-
-
-STAGES = (
-    Stage("recall", lambda work: work.answers.metrics[work.answers.default]),
-    Stage("model", lambda work: model_facts(work.queries.model, work.answers.default)),
-    Stage("machine", lambda work: machine()),
-    Stage("images", lambda work: len(work.queries)),
-    Stage("events", lambda work: {k: v / max(1, len(work.queries)) for k, v in work.answers.events.items()}),
-    Stage("trust", lambda work: work.answers.trust),
-    Stage("on_map", lambda work: OnMap.of(work.answers, work.request.located, work.request.near)),
-    Stage("targets", lambda work: work.boards.costs),
-    Stage("step_times", lambda work: work.boards.step_times),
-    Stage("constants", lambda work: modelling.constants()),
-    Stage("measured", lambda work: work.measured),
-    Stage("workload", _workload, "workload"),
-    Stage("peers", _peers, "peers", ()),
-    Stage("sweep", _sweep, "sweep", ()),
-    Stage("asked", _asked, "asking"),
-    Stage("energy", _energy, "energy", ()),
-)
-"""The stages in order; those with a name may fail: minutes of other work are not lost if one does."""
-
-
-def run(
+def recall_and_costs(
     model: Model,
     traverse: Traverse,
     images: EncodedTraverse,
@@ -210,13 +196,23 @@ def run(
     """
     begin("recall", 1)
     work = Work(QuerySet.of(model, images, request.seed), traverse, truth, request, further, begin)
-    values: dict[str, Any] = {}
-    failed: dict[str, str] = {}
-    for stage in STAGES:
-        try:
-            values[stage.field] = stage.find(work)
-        except LavaVprError as error:
-            if stage.name is None:
-                raise
-            failed[stage.name], values[stage.field] = str(error), stage.otherwise
-    return Bench(**values, command=command, failed=failed)
+    answers, costs, count = work.answers, work.costs, len(images)
+    return Bench(
+        model=model_facts(model, answers.default),
+        machine=machine(),
+        images=count,
+        recall=answers.metrics[answers.default],
+        events={name: value / max(1, count) for name, value in answers.events.items()},
+        trust=answers.trust,
+        on_map=OnMap.of(answers, request.located, request.near),
+        targets={name: modelled for name, (modelled, _) in costs.items()},
+        step_times={name: times for name, (_, times) in costs.items() if times is not None},
+        measured=work.timed,
+        workload=work.tried("workload", _workload, None),
+        peers=work.tried("peers", _peers, ()),
+        sweep=work.tried("sweep", _sweep, ()),
+        asked=work.tried("asking", _asked, None),
+        energy=work.tried("energy", _energy, ()),
+        command=command,
+        failed=work.failed,
+    )

@@ -89,7 +89,7 @@ def bench(
         raise click.UsageError("--cluster shares the points of --sweep; all else measures this machine: add --sweep")
     outputs, page = results.outputs("bench.html", read=truth.files, model=asked.model_path, images=(asked.query,))
     # The cost model and what it needs take a second to import: --help does not wait for them.
-    from lava_vpr.bench.run import run
+    from lava_vpr.bench.run import recall_and_costs
 
     model = asked.model(request.asking)
     _refuse(model, asked.model_path, request)
@@ -102,7 +102,9 @@ def bench(
     with pool_at(address) as pool, one_bar() as begin:
         request = replace(request, pool=pool)
         words = command_line(ctx)
-        found = run(model, traverse, queries, correct, request, further=further, command=words, begin=begin)
+        found = recall_and_costs(
+            model, traverse, queries, correct, request, further=further, command=words, begin=begin
+        )
     _tell(found, results.json_path, page)
 
 
@@ -123,11 +125,11 @@ def _refuse(model: Model, path: Path, request: Request) -> None:
 def _tell(results: Bench, json_path: Path | None, page: Path | None) -> None:
     """Write the files, then print the tables: whoever reads these may go away."""
     from lava_vpr.bench.show.json_values import as_json
-    from lava_vpr.bench.show.sections import absences, tables
+    from lava_vpr.bench.show.tables import on_terminal
 
     def drawn() -> str:
         from lava_vpr.bench.show.page import page as page_of  # matplotlib takes a second to be imported
 
         return page_of(results)
 
-    show_results([*tables(results), *absences(results)], {json_path: as_json(results)}, page, drawn)
+    show_results(on_terminal(results), {json_path: as_json(results)}, page, drawn)

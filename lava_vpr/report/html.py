@@ -15,7 +15,7 @@ from lava_vpr.report.data import ReportData
 from lava_vpr.report.plots import precision_recall, series_style
 from lava_vpr.report.sections import label
 from lava_vpr.show.numbers import fraction, is_number
-from lava_vpr.show.page import document
+from lava_vpr.show.page import Section, sheet
 from lava_vpr.show.templates import plain, render, safe, text
 
 
@@ -119,43 +119,22 @@ def _payload(data: ReportData, sheets: dict[str, Any]) -> str:
     return json.dumps(content, ensure_ascii=True, separators=(",", ":")).replace("<", "\\u003c")
 
 
-_NAVIGATION = {
-    "figures": "Figures",
-    "curves": "Precision and recall",
-    "trust": "Probability",
-    "route": "Along the route",
-    "map": "Map",
-    "scores": "Scores",
-    "fields": "Receptive fields",
-    "spikes": "Spikes",
-    "matches": "Matches",
-    "cost": "Cost",
-    "setup": "Configuration",
-}
-
-
 def page(data: ReportData) -> str:
     """The whole report as HTML text; equal data give equal text."""
     correct = sections.correct_queries(data)
     route, sheets, sheet_style = sections.route(data, correct)
-    parts = [
-        _table(data),
-        _curves(data),
-        trust.section(data.trust, data.followed),
-        route,
-        sections.where(data.map, data.matches, correct),
-        sections.scores(data),
-        sections.receptive_fields(data),
-        sections.spikes(data),
-        sections.matches(data, correct),
-        sections.cost(data),
-        sections.setup(data),
-    ]
-    links = "".join(
-        f'<li><a href="#{name}">{text}</a></li>'
-        for (name, text), part in zip(_NAVIGATION.items(), parts, strict=True)
-        if part
+    parts = (
+        Section("figures", "Figures", [_table(data)]),
+        Section("curves", "Precision and recall", [_curves(data)]),
+        Section("trust", "Probability", [trust.section(data.trust, data.followed)]),
+        Section("route", "Along the route", [route]),
+        Section("map", "Map", [sections.where(data.map, data.matches, correct)]),
+        Section("scores", "Scores", [sections.scores(data)]),
+        Section("fields", "Receptive fields", [sections.receptive_fields(data)]),
+        Section("spikes", "Spikes", [sections.spikes(data)]),
+        Section("matches", "Matches", [sections.matches(data, correct)]),
+        Section("cost", "Cost", [sections.cost(data)]),
+        Section("setup", "Configuration", [sections.setup(data)]),
     )
-    body = render("report_body.html", header=_header(data), links=links, sections="".join(parts))
     script = f"\n{text('report.js')}\n"
-    return document(data.title, body, style=sheet_style, payload=_payload(data, sheets), script=script)
+    return sheet(data.title, _header(data), parts, style=sheet_style, payload=_payload(data, sheets), script=script)

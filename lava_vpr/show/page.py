@@ -1,18 +1,84 @@
-"""The frame of every page: one HTML file that asks the network for nothing, and may not; a live one asks its server."""
+"""The frame of every page, and its sections: one HTML file that asks the network for nothing, and may not.
+
+A live page asks its server.
+"""
 
 from __future__ import annotations
 
 import base64
 import hashlib
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from lava_vpr import __version__
 from lava_vpr.errors import InputError
+from lava_vpr.show.table import Table, in_html
 from lava_vpr.show.templates import render, safe, text
 from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import write_atomically
 
 ALONE = "One file, no network needed."
+
+
+class Section(NamedTuple):
+    """A section of a page.
+
+    Attributes:
+        name: Its anchor.
+        link: What links to it are called.
+        parts: Its tables, and all else as HTML, in order; without any, the page has no such section.
+        heading: Its heading, as plain text; without one, the parts are a whole section.
+        note: The text below the heading.
+    """
+
+    name: str
+    link: str
+    parts: Sequence[str | Table]
+    heading: str = ""
+    note: str = ""
+
+    def html(self) -> str:
+        """The section as HTML; empty without content."""
+        content = "".join(part if isinstance(part, str) else part.html() for part in self.parts)
+        if not content or not self.heading:
+            return content
+        note = f'<p class="note">{in_html(self.note)}</p>' if self.note else ""
+        return render("section.html", name=self.name, heading=in_html(self.heading), note=note, content=content)
+
+
+def sheet(
+    title: str, header: str, sections: Iterable[Section], *, style: str = "", payload: str = "", script: str = ""
+) -> str:
+    """A whole page that is made of sections, as HTML text.
+
+    Args:
+        title, payload, script: As in `document`.
+        header: The head of the page, as HTML.
+        sections: Its sections in order; those without content are left out, and links lead to the others.
+        style: What the page adds to the common style sheet; empty: the style of tables and drawings (`sheet.css`).
+    """
+    made = [(section, section.html()) for section in sections]
+    links = "".join(f'<li><a href="#{section.name}">{section.link}</a></li>' for section, html in made if html)
+    body = render("body.html", header=header, links=links, sections="".join(html for _, html in made))
+    style = style or f"\n{text('sheet.css')}\n"
+    return document(title, body, style=style, payload=payload, script=script)
+
+
+def drawn(heading: str, drawing: str) -> str:
+    """A drawing below its heading, in a panel."""
+    return render("figure.html", heading=in_html(heading), drawing=drawing)
+
+
+def terms(pairs: Iterable[tuple[str, str]]) -> str:
+    """Terms, as plain text, and what is said of each, as HTML."""
+    return "".join(f"<div><dt>{in_html(term)}</dt><dd>{said}</dd></div>" for term, said in pairs)
+
+
+def reproduction(command: str, note: str = "") -> Section:
+    """The section with the command that repeats a page."""
+    shown = f'<div class="panel"><h3>Command</h3><pre class="command"><code>{safe(command)}</code></pre></div>'
+    return Section("setup", "Reproduction", [shown], "Reproduction", note)
 
 
 def document(

@@ -89,7 +89,7 @@ def test_json_says_null_and_why() -> None:
 def test_a_float_model_has_no_costs_but_a_complete_report() -> None:
     reason = "Kapoho Bay needs an integer network"
     targets = {"kapoho-bay": modelled(figures=None, counts={}, unavailable=reason)}
-    changes = {"targets": targets, "workload": None, "peers": (), "sweep": (), "step_times": ()}
+    changes = {"targets": targets, "workload": None, "peers": (), "sweep": (), "step_times": {}}
     found = bench(**changes)
     values = as_json(found)
     assert values["workload"] is values["sweep"] is values["peers"] is None

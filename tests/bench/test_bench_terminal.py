@@ -49,7 +49,7 @@ def test_every_modelled_figure_stands_below_the_word() -> None:
         assert "modelled" in grid.title or "modelled" in " ".join(grid.columns)
     assert all("modelled" in column for column in shown[0].columns)
     drawings = [plots.energy(FIGURES.dynamic_by_component, "e", ""), plots.pareto(run.sweep, "")]
-    drawings += [plots.step_times(run.step_times[0], "s", ""), plots.beside_anchors(FIGURES, "")]
+    drawings += [plots.step_times(run.step_times["kapoho-bay"], "s", ""), plots.beside_anchors(FIGURES, "")]
     assert all("modelled" in drawing for drawing in drawings)
     assert "modelled" not in plots.latencies(run.measured, "")
 
@@ -92,7 +92,7 @@ def test_figures_have_three_significant_digits(value: float | None, text: str) -
 
 def test_a_boards_own_figures_are_told() -> None:
     there = Measured("loihi2", "a board", 9, queries_per_second=88.0, no_energy="x", board={"idle_milliwatts": 1234.5})
-    found = bench(measured=(there,), targets={}, sweep=(), step_times=())  # a page with nothing to draw
+    found = bench(measured=(there,), targets={}, sweep=(), step_times={})  # a page with nothing to draw
     assert re.search(r"idle milliwatts +│ +1,234 │", printed(found))
     assert "measured on a board" in page(found)
     assert as_json(found)["measured"]["loihi2"]["board"] == {"idle_milliwatts": 1234.5}

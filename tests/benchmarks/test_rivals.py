@@ -11,7 +11,7 @@ import pytest
 from support.common.small_models import encoded, small_model, tiny_paper, two_images_a_place
 
 from benchmarks.peers import rivals, side_by_side, vprtempo
-from lava_vpr.bench import peers
+from lava_vpr.bench.measure import matchers as timed
 from lava_vpr.engine.conductance.model import initial_state
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.synthetic.world import write_traverses
@@ -19,7 +19,7 @@ from lava_vpr.traverse import open_traverse
 
 
 def test_all_in_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(peers, "BATCH", 20)
+    monkeypatch.setattr(timed, "BATCH", 20)
     monkeypatch.setattr(rivals, "interpreter", lambda: None)
     model, queries, truth = small_model(), encoded(noise=0.1), np.eye(8, dtype=bool)
     found = side_by_side.all_peers(model, queries, truth, threads=2, rounds=2, fill=0.0)

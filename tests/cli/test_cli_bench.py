@@ -204,9 +204,9 @@ def test_what_was_asked_for_and_fails_is_said(quick: Path, monkeypatch: pytest.M
 
     called = []
 
-    def peers(*_: object, **given: Any) -> tuple[Peer, ...]:
-        called.append(given["recognition"])
-        return (Peer("sad", "the baseline", given["recognition"].metrics["sad"], 5000.0, 2, 6272, 8),)
+    def peers(queries: Any, known: Any) -> tuple[Peer, ...]:
+        called.append(known)
+        return (Peer("sad", "the baseline", known.metrics["sad"], 5000.0, 2, 6272, 8),)
 
     monkeypatch.setattr(stages, "sweep", broken)
     monkeypatch.setattr(stages, "run_peers", peers)

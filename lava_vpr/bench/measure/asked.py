@@ -59,7 +59,7 @@ def asked(
     comparison = Comparison(rivals=(), keep_scores=False, asking=asking)
     result = recognise(model, queries.images, truth, comparison, pool=Pool(cores()), shown=shown)
     integer, milliseconds, products = as_integer(model), None, 0
-    boards: tuple[AskedOn, ...] = ()
+    boards: dict[str, AskedOn] = {}
     if integer is not None:
         network = integer.network
         if asking.adapt is not None:
@@ -99,9 +99,9 @@ def _some(shown: Presentations, n: int, views: int, most: int) -> Presentations:
 
 def _boards(
     plans: Mapping[str, Plan | str], network: FixedNetwork, asking: Asking, queries: QuerySet, shown: Presentations
-) -> tuple[AskedOn, ...]:
-    """What a query takes on each board that the network fits."""
-    rows, trains = [], HostBackend(Pool(cores())).trains(queries.model, shown)
+) -> dict[str, AskedOn]:
+    """What a query takes on each board that the network fits, by the board's name."""
+    rows, trains = {}, HostBackend(Pool(cores())).trains(queries.model, shown)
     for name, plan in plans.items():
         if isinstance(plan, str):
             continue
@@ -116,5 +116,5 @@ def _boards(
             found = costs.figures
             each = (found.dynamic_microjoules + energy, found.milliseconds, found.io_milliseconds + traffic)
             in_all = [part * asking.views for part in each]
-        rows.append(AskedOn(name, asking.views, asking.views * costs.steps, writes, *in_all))
-    return tuple(rows)
+        rows[name] = AskedOn(asking.views, asking.views * costs.steps, writes, *in_all)
+    return rows

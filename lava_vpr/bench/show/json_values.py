@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
 from lava_vpr.bench.anchors import ANCHORS
-from lava_vpr.bench.results import Bench, Measured, Peer, QueryVariants, SweepPoint
-from lava_vpr.deploy.boards.constants import Estimate
+from lava_vpr.bench.modelling import constants
+from lava_vpr.bench.results import Bench, Measured, Peer, SweepPoint
 from lava_vpr.matching.evaluation import Metrics
 
 PERCENTILES = (50, 95, 99)
@@ -70,38 +70,25 @@ def as_json(bench: Bench) -> dict[str, Any]:
     values = {
         "model": bench.model,
         "queries": bench.images,
-        "recall": bench.recall.as_json(),
+        "recall": bench.recall,
         "probability": {name: found.as_json() for name, found in bench.trust.items()},
         "position_error": None if bench.on_map is None else bench.on_map.errors.as_json(),
         "energy": {way.name: way.as_json() for way in bench.energy} or None,
-        "measured": {row.name: _measured(row) for row in bench.measured},
+        "measured": {row.name: _timing(row) for row in bench.measured},
         "modelled": {name: row.as_json() for name, row in bench.targets.items()},
         "counts": counts(bench),
-        "workload": None if bench.workload is None else asdict(bench.workload),
-        "asked": _asked(bench.asked),
+        "workload": bench.workload,
+        "asked": bench.asked,
         "peers": {row.name: _row(row, metrics="recall") for row in bench.peers} or None,
         "sweep": [_row(row, **_CANDIDATE) for row in bench.sweep] or None,
-        "constants": {row.name: _constant(row) for row in bench.constants},
-        "anchors": [row.as_json() for row in ANCHORS],
+        "constants": {row.name: {key: getattr(row, key) for key in _CONSTANT} for row in constants()},
+        "anchors": ANCHORS,
         "assumptions": assumptions(bench),
         "absent": absent(bench),
         "machine": bench.machine,
         "command": bench.command,
     }
     return dict(_plain(values))
-
-
-def _asked(row: QueryVariants | None) -> dict[str, Any] | None:
-    """Queries in views or adapted; None: not asked for."""
-    if row is None:
-        return None
-    values = {item.name: getattr(row, item.name) for item in fields(row)}
-    return values | {
-        "boards": {
-            board.target: {item.name: getattr(board, item.name) for item in fields(board) if item.name != "target"}
-            for board in row.boards
-        }
-    }
 
 
 def assumptions(bench: Bench) -> list[str]:
@@ -114,9 +101,10 @@ _CANDIDATE = {
     "microjoules": "modelled_microjoules",
     "milliseconds": "modelled_milliseconds",
 }
+_CONSTANT = ("what", "low", "nominal", "high", "unit", "source")
 
 
-def _measured(backend: Measured) -> dict[str, Any]:
+def _timing(backend: Measured) -> dict[str, Any]:
     """A row of ``measured``: latencies as percentiles."""
     return _row(backend, milliseconds="milliseconds_per_query") | {"milliseconds_per_query": percentiles(backend)}
 
@@ -127,16 +115,12 @@ def _row(row: Measured | Peer | SweepPoint, **keys: str) -> dict[str, Any]:
     return {key: None if value == "" else value for key, value in values.items()}
 
 
-def _constant(constant: Any) -> dict[str, Any]:
-    return {name: getattr(constant, name) for name in ("what", "low", "nominal", "high", "unit", "source")}
-
-
 def _plain(value: Any) -> Any:
-    """``value`` as JSON knows it: estimates and arrays resolved, NaN and infinity null."""
-    if isinstance(value, (Estimate, Metrics)):
+    """``value`` as JSON knows it: rows and estimates by their fields, arrays resolved, NaN and infinity null."""
+    if isinstance(value, Metrics):
         return _plain(value.as_json())
-    if is_dataclass(value) and not isinstance(value, type):
-        return _plain(asdict(value))
+    if is_dataclass(value):
+        return {item.name: _plain(getattr(value, item.name)) for item in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

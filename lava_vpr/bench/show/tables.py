@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+from lava_vpr.bench import modelling
 from lava_vpr.bench.anchors import ANCHORS
 from lava_vpr.bench.results import (
     AnsweringWay,
@@ -20,7 +21,7 @@ from lava_vpr.bench.results import (
     SweepPoint,
     Workload,
 )
-from lava_vpr.bench.show.json_values import PERCENTILES, counts, percentiles
+from lava_vpr.bench.show.json_values import PERCENTILES, absent, counts, percentiles
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.constants import HOST_POWER, LEVELS, Estimate
 from lava_vpr.matching.evaluation import TITLES, Metrics, values_of
@@ -93,55 +94,44 @@ def thresholds(bench: Bench) -> Table:
     return Table(heads, rows, (note,), "accepted by --target-precision")
 
 
-def asked(row: QueryVariants | None) -> Table:
+def asked(row: QueryVariants) -> Table:
     """What a query takes that is asked in several views, or adapted."""
     cells: list[tuple[str, ...]] = []
-    for board in () if row is None else row.boards:
-        title = title_of(board.target)
-        cells.append((f"{title}: presentations", NONE, f"{board.presentations:,}", NONE))
-        cells.append((f"{title}: registers written", NONE, f"{board.registers:,}", NONE))
+    for name, board in row.boards.items():
+        title = title_of(name)
+        cells.append(_exactly(f"{title}: presentations", f"{board.presentations:,}"))
+        cells.append(_exactly(f"{title}: registers written", f"{board.registers:,}"))
         if board.dynamic_microjoules is not None:
             cells.append(_levels(f"{title}: dynamic energy, uJ, modelled", board.dynamic_microjoules))
             cells.append(_levels(f"{title}: time on the chip, ms, modelled", board.milliseconds))
             cells.append(_levels(f"{title}: host I/O, apart, ms, modelled", board.io_milliseconds))
-    if row is not None and row.adapt is not None:
-        cells.append(("this machine: multiply-adds for biases", NONE, f"{row.multiply_adds:,}", NONE))
-        cells.append(("this machine: time of biases, ms, measured", NONE, figure(row.host_milliseconds), NONE))
-    how = "" if row is None else f"in {row.views} views" if row.views > 1 else "in one view"
-    if row is not None and row.adapt is not None:
+    how = f"in {row.views} views" if row.views > 1 else "in one view"
+    if row.adapt is not None:
+        cells.append(_exactly("this machine: multiply-adds for biases", f"{row.multiply_adds:,}"))
+        cells.append(_exactly("this machine: time of biases, ms, measured", figure(row.host_milliseconds)))
         how += f", adapted over {row.adapt:g} queries"
     note = "Each view is a presentation. All other tables are of queries that are presented once, not adapted."
     return Table(("what", "low", "nominal", "high"), cells, (note,), f"a query {how}")
 
 
-def measured(rows: Sequence[Measured]) -> Table:
+def timings(rows: Sequence[Measured]) -> Table:
     """The backends that were timed on this machine."""
-    cells = []
-    for backend in rows:
-        if backend.absent:
-            continue
-        at = percentiles(backend) or {}
-        energy = NONE if backend.joules_per_query is None else f"{figure(1e3 * backend.joules_per_query)}"
-        latency = (figure(at.get(f"p{q}")) for q in PERCENTILES)
-        rate = figure(backend.queries_per_second)
-        cells.append(
-            (
-                backend.name,
-                *latency,
-                rate,
-                f"{backend.threads}",
-                f"{backend.queries:,}",
-                size(backend.peak_bytes),
-                energy,
-            )
+    cells = [
+        (
+            backend.name,
+            *map(figure, (percentiles(backend) or dict.fromkeys(PERCENTILES)).values()),
+            figure(backend.queries_per_second),
+            f"{backend.threads}",
+            f"{backend.queries:,}",
+            size(backend.peak_bytes),
+            NONE if backend.joules_per_query is None else figure(1e3 * backend.joules_per_query),
         )
-    latency_heads = tuple(f"p{q} ms" for q in PERCENTILES)
-    return Table(
-        title="measured here, a query",
-        columns=("backend", *latency_heads, "queries/s", "threads", "queries", "memory", "mJ (CPU)"),
-        rows=tuple(cells),
-        notes=("p50, p95, p99: single queries one after another, one thread. queries/s: all queries in one batch.",),
-    )
+        for backend in rows
+        if not backend.absent
+    ]
+    heads = (*(f"p{q} ms" for q in PERCENTILES), "queries/s", "threads", "queries", "memory", "mJ (CPU)")
+    note = "p50, p95, p99: single queries one after another, one thread. queries/s: all queries in one batch."
+    return Table(("backend", *heads), cells, (note,), "measured here, a query")
 
 
 def on_boards(rows: Sequence[Measured]) -> Table:
@@ -164,6 +154,11 @@ def _levels(name: str, value: Estimate | None) -> tuple[str, ...]:
     return (name, *levels(value))
 
 
+def _exactly(name: str, value: str) -> tuple[str, ...]:
+    """A row of what is known exactly, below the nominal figures."""
+    return (name, NONE, value, NONE)
+
+
 def _clearing(clearing: dict[str, Any]) -> Iterable[tuple[str, ...]]:
     """The row on how states are cleared, contained in the figures above, and what steps of rest would take instead."""
     for key, text in (
@@ -178,7 +173,7 @@ def _clearing(clearing: dict[str, Any]) -> Iterable[tuple[str, ...]]:
         if isinstance(value, Estimate):
             yield _levels(text, value)
         elif value is not None:
-            yield (text, NONE, f"{value:,}", NONE)
+            yield _exactly(text, f"{value:,}")
 
 
 def title_of(target: str) -> str:
@@ -188,27 +183,30 @@ def title_of(target: str) -> str:
 
 def modelled(costs: Modelled, figures: BoardFigures) -> Table:
     """The costs of a query on a board."""
-    rows: list[tuple[str, ...]] = [_levels("dynamic energy, uJ", figures.dynamic_microjoules)]
     parts = sorted(figures.dynamic_by_component.items(), key=lambda item: -item[1].nominal)
-    rows += [_levels(f"  {named(name)}", value) for name, value in parts]
-    strong = {0, len(rows)}
-    rows += [_levels("time on the chip, ms", figures.milliseconds)]
-    rows += [_levels("  one step, us", figures.step_microseconds)]
-    static = f"static energy, apart, mJ ({costs.chips} chips)"
-    rows += [_levels(f"{static}, time on the chip", figures.static_millijoules)]
-    for k, (way, value) in enumerate(figures.io_milliseconds_by_way.items()):
-        rows += [_levels(f"host I/O, apart, ms: {way}{' (in use)' if k == 0 else ''}", value)]
-    for k, (way, value) in enumerate(figures.io_microjoules_by_way.items()):
-        use = "in use, contained above" if k == 0 else "instead"
-        rows += [_levels(f"input on the chip, uJ: {way} ({use})", value)]
-    rows += [_levels("time with host I/O, not overlapped, ms", figures.wall_milliseconds)]
-    rows += [_levels(f"{static}, that time", figures.wall_static_millijoules)]
-    rows += _clearing(costs.clearing)
+    static, in_use = f"static energy, apart, mJ ({costs.chips} chips)", next(iter(figures.io_milliseconds_by_way))
+    rows = [
+        _levels("dynamic energy, uJ", figures.dynamic_microjoules),
+        *(_levels(f"  {named(name)}", value) for name, value in parts),
+        _levels("time on the chip, ms", figures.milliseconds),
+        _levels("  one step, us", figures.step_microseconds),
+        _levels(f"{static}, time on the chip", figures.static_millijoules),
+    ]
+    for way, value in figures.io_milliseconds_by_way.items():
+        rows.append(_levels(f"host I/O, apart, ms: {way}{' (in use)' if way == in_use else ''}", value))
+    for way, value in figures.io_microjoules_by_way.items():
+        use = "in use, contained above" if way == in_use else "instead"
+        rows.append(_levels(f"input on the chip, uJ: {way} ({use})", value))
+    rows += [
+        _levels("time with host I/O, not overlapped, ms", figures.wall_milliseconds),
+        _levels(f"{static}, that time", figures.wall_static_millijoules),
+        *_clearing(costs.clearing),
+    ]
     return Table(
         title=f"modelled for {title_of(costs.target)}: a query of {costs.steps} steps, input {costs.input_mode}",
         columns=("modelled", "modelled low", "modelled nominal", "modelled high"),
-        rows=tuple(rows),
-        strong=frozenset(strong),
+        rows=rows,
+        strong=frozenset({0, 1 + len(parts)}),
         notes=(f"Modelled, not measured. {_in_use(costs)}{_busy(figures.busiest)}",),
     )
 
@@ -249,11 +247,8 @@ def counted(bench: Bench) -> Table:
 def peers(rows: Sequence[Peer]) -> Table:
     """Other matchers on the same images."""
     cells = []
-    for peer in rows:
-        if peer.absent:
-            continue
-        at = figures_of(peer.metrics)
-        rate = figure(peer.queries_per_second)
+    for peer in (row for row in rows if not row.absent):
+        at, rate = figures_of(peer.metrics), figure(peer.queries_per_second)
         cells.append((peer.name, at[0], at[3], at[5], rate, f"{peer.threads}", size(peer.bytes), peer.what))
     heads = ("matcher", "R@1", "R@100P", "AUC", "queries/s", "threads", "of references", "what")
     note = "Recall in percent. queries/s: measured here, from preprocessed image to match, all queries in one batch."
@@ -315,19 +310,9 @@ def workload(metrics: Workload) -> Table:
     return Table(("metric", "value"), rows, title="workload metrics by NeuroBench's definitions")
 
 
-def constants(bench: Bench) -> Table:
+def constants() -> Table:
     """Every constant of the cost model, with its source."""
-    rows = tuple(
-        (
-            constant.what or named(constant.name),
-            figure(constant.low),
-            figure(constant.nominal),
-            figure(constant.high),
-            constant.unit,
-            constant.source,
-        )
-        for constant in bench.constants
-    )
+    rows = [(row.what or named(row.name), *levels(row), row.unit, row.source) for row in modelling.constants()]
     heads = ("constant", "low", "nominal", "high", "unit", "source")
     return Table(heads, rows, title="constants of the cost model", long=frozenset({0, 5}))
 
@@ -363,3 +348,28 @@ def energy(ways: Sequence[AnsweringWay], titles: Sequence[str] | None = None) ->
         strong=frozenset(k for k, row in enumerate(rows) if row[0] in _SUMS),
         notes=(_ENERGY_NOTE,),
     )
+
+
+def sections(bench: Bench, page: bool = True) -> dict[str, tuple[Table, ...]]:
+    """All tables with rows, by section, in the terminal's order; only a page has what was timed, anchors, constants."""
+    on_board = (modelled(costs, costs.figures) for costs in bench.targets.values() if costs.figures)
+    tables_of: dict[str, tuple[Table, ...]] = {
+        "recall": (recall(bench),),
+        "probability": (thresholds(bench),),
+        "energy": (energy(bench.energy),),
+        "measured": (timings(bench.measured), on_boards(bench.measured)),
+        "modelled": (*on_board, counted(bench), *map(asked, () if bench.asked is None else (bench.asked,))),
+        "workload": () if bench.workload is None else (workload(bench.workload),),
+        "peers": (peers(bench.peers),),
+        "sweep": (sweep(bench.sweep),),
+    }
+    if page:
+        tables_of["measured"] += (timed(bench.measured),)
+        tables_of |= {"anchors": (anchors(),), "model": (constants(),)}
+    return {name: tuple(table for table in chosen if table.rows) for name, chosen in tables_of.items()}
+
+
+def on_terminal(bench: Bench) -> list[Table | str]:
+    """Tables in order: recall first, then what was measured, then what is modelled; and a line for all that lacks."""
+    shown = [table for section in sections(bench, page=False).values() for table in section]
+    return [*shown, *(f"absent: {row['what']}: {row['reason']}" for row in absent(bench))]

@@ -8,8 +8,9 @@ from lava_vpr.experiments.grid import Spread
 from lava_vpr.paper_table.methods import DOI
 from lava_vpr.paper_table.run import DatasetRows, PaperRequest
 from lava_vpr.paper_table.show.tables import RULES, tables
+from lava_vpr.show.page import Section, drawn, reproduction, sheet
 from lava_vpr.show.templates import safe
-from lava_vpr.studies.show.page import Kind, lines, panels, sheet
+from lava_vpr.studies.show.page import Kind, header_of, lines
 
 TITLE = "The paper's table"
 KINDS: tuple[Kind, ...] = (("released", "R@100P released", "c0", "o"), ("printed", "printed", "c1", "D"))
@@ -19,9 +20,13 @@ KINDS: tuple[Kind, ...] = (("released", "R@100P released", "c0", "o"), ("printed
 def page(wanted: PaperRequest, parts: Sequence[DatasetRows], command: str) -> str:
     """The whole page as HTML text, with the command that repeats it; equal results give equal text."""
     facts = {"paper": f"doi {DOI}", "seed": str(wanted.seed), "rules": RULES}
-    drawn = panels((part.dataset.title, _drawing(part)) for part in parts if part.source is not None)
-    sections = {"Sections": ("sections", drawn), "Tables": ("tables", "".join(one.html() for one in tables(parts)))}
-    return sheet(TITLE, facts, sections, command)
+    drawings = [drawn(part.dataset.title, _drawing(part)) for part in parts if part.source is not None]
+    sections = (
+        Section("sections", "Sections", drawings, "Sections"),
+        Section("tables", "Tables", tables(parts), "Tables"),
+        reproduction(command),
+    )
+    return sheet(TITLE, header_of(TITLE, facts), sections)
 
 
 def _drawing(part: DatasetRows) -> str:

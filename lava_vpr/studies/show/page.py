@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -11,9 +11,9 @@ from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
 from lava_vpr.experiments.grid import Row, Spread
 from lava_vpr.experiments.task import MODELLED, NETWORK, Costs
 from lava_vpr.matching.evaluation import Recall, titles
-from lava_vpr.show.page import document
+from lava_vpr.show.page import Section, drawn, reproduction, sheet, terms
 from lava_vpr.show.svg import THEME, canvas, gridded, themed, to_svg
-from lava_vpr.show.templates import render, safe, text
+from lava_vpr.show.templates import render, safe
 from lava_vpr.studies.show.values import table
 from lava_vpr.studies.study import Study, StudyRequest
 
@@ -144,52 +144,26 @@ def lines(
     return to_svg(figure, name, label)
 
 
-def _drawings(study: Study, rows: Sequence[Row]) -> str:
+def _drawings(study: Study, rows: Sequence[Row]) -> list[str]:
     """The plots of a study, each in a panel."""
     title, varied = study.title, study.varied
     if study.drawn == "rows":
         figures = [[row.figures[NETWORK][key] for key in Recall._fields] for row in rows]
         svg = lines([row.label for row in rows], KINDS, figures, safe(f"{title}: recall of each row"))
-        drawn = [("Recall: dots are seeds, marks their means", svg)]
+        panels = [drawn("Recall: dots are seeds, marks their means", svg)]
     else:
-        drawn = [("Recall: means of the seeds, bars from the least to the most", curve(rows, varied, safe(title)))]
+        svg = curve(rows, varied, safe(title))
+        panels = [drawn("Recall: means of the seeds, bars from the least to the most", svg)]
     if study.costed and sum(MODELLED in row.figures for row in rows) > 1:
-        drawing = costs(rows, varied, safe(f"{title}: R@1 against modelled energy and time of a query"))
-        drawn.append(("Recall against modelled costs of a query", drawing))
-    return panels(drawn)
+        svg = costs(rows, varied, safe(f"{title}: R@1 against modelled energy and time of a query"))
+        panels.append(drawn("Recall against modelled costs of a query", svg))
+    return panels
 
 
-def panels(drawn: Iterable[tuple[str, str]]) -> str:
-    """Drawings with their headings as HTML text."""
-    return "".join(render("bench_figure.html", heading=safe(heading), drawing=svg) for heading, svg in drawn)
-
-
-def sheet(title: str, facts: Mapping[str, str], sections: Mapping[str, tuple[str, str]], command: str) -> str:
-    """A page of tables and plots as HTML text: a head, its sections, and the command that repeats it.
-
-    Args:
-        title: What the page is about.
-        facts: Terms of the head, and what they say.
-        sections: By their headings, the anchor and the HTML of each; one without HTML is left out.
-        command: The command.
-    """
-    header = render(
-        "study_header.html",
-        title=safe(title),
-        facts="".join(f"<div><dt>{safe(name)}</dt><dd>{safe(value)}</dd></div>" for name, value in facts.items()),
-    )
-    repeat = f'<div class="panel"><h3>Command</h3><pre class="command"><code>{safe(command)}</code></pre></div>'
-    shown = {heading: part for heading, part in sections.items() if part[1]} | {"Reproduction": ("setup", repeat)}
-    body = render(
-        "bench_body.html",
-        header=header,
-        links="".join(f'<li><a href="#{name}">{heading}</a></li>' for heading, (name, _) in shown.items()),
-        sections="".join(
-            render("bench_section.html", name=name, heading=heading, note="", content=content)
-            for heading, (name, content) in shown.items()
-        ),
-    )
-    return document(title, body, style=f"\n{text('bench.css')}\n")
+def header_of(title: str, facts: Mapping[str, str]) -> str:
+    """The head of a page: what it is about, terms, and what they say."""
+    said = terms((name, safe(value)) for name, value in facts.items())
+    return render("study_header.html", title=safe(title), facts=said)
 
 
 def page(asked: StudyRequest, rows: Sequence[Row], command: str) -> str:
@@ -201,5 +175,9 @@ def page(asked: StudyRequest, rows: Sequence[Row], command: str) -> str:
         "preset": asked.config.preset,
         "decoder": asked.config.decoder.default,
     }
-    sections = {"Plots": ("plots", _drawings(asked.study, rows)), "Table": ("table", table(asked, rows).html())}
-    return sheet(asked.study.title, facts, sections, command)
+    sections = (
+        Section("plots", "Plots", _drawings(asked.study, rows), "Plots"),
+        Section("table", "Table", [table(asked, rows)], "Table"),
+        reproduction(command),
+    )
+    return sheet(asked.study.title, header_of(asked.study.title, facts), sections)

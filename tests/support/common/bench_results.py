@@ -24,9 +24,9 @@ from lava_vpr.bench.results import (
     Workload,
     on_board,
 )
-from lava_vpr.bench.show.sections import absences, tables
+from lava_vpr.bench.show.tables import on_terminal
 from lava_vpr.cli.common import PlainConsole
-from lava_vpr.deploy.boards.constants import Constant, Estimate
+from lava_vpr.deploy.boards.constants import Estimate
 from lava_vpr.matching.answers import Answers, Together
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.matching.trust import Trust, trust
@@ -149,10 +149,7 @@ def bench(**changes: Any) -> Bench:
         ),
         "sweep": tuple(candidates),
         "events": {"synaptic_operations": 30211.25, "input_spikes": 1000.0},
-        "constants": (
-            Constant(23.6, 35.5, 35.5, "synapse", "synaptic operation, dense row", "pJ", "SANA-FE 2.2.9, loihi.yaml"),
-        ),
-        "step_times": (StepTimes("kapoho-bay", *(tuple(x + 0.3 * rng.random(53)) for x in (1, 0.7, 1.1, 2)), 0.6),),
+        "step_times": {"kapoho-bay": StepTimes(*(tuple(x + 0.3 * rng.random(53)) for x in (1, 0.7, 1.1, 2)), 0.6)},
         "command": "lava-vpr bench m.lvpr query --sweep",
         "energy": tuple(way for way in ways() if way is not None),
         "trust": {"single": probabilities()},
@@ -164,8 +161,6 @@ def bench(**changes: Any) -> Bench:
 def printed(found: Bench) -> str:
     """What the terminal shows of a result."""
     console = PlainConsole(width=220, record=True, file=io.StringIO())
-    for table in tables(found):
-        console.print(table.terminal())
-    for line in absences(found):
-        console.print(line)
+    for item in on_terminal(found):
+        console.print(item if isinstance(item, str) else item.terminal())
     return console.export_text()

@@ -1,8 +1,9 @@
-"""Other matchers beside lava-vpr: the same places and queries, one run, one machine, taking turns.
+"""Matchers on the processor: how long each takes for a query by itself, and all of them beside each other.
 
-Queries per second count from preprocessed input to match, all queries in one batch shared among threads, each matcher
-in a fast form of its own: SAD in 8-bit integers, cosine as a float32 matrix product. More matchers can join the same
-rounds (`run_peers`, ``others``): `make peers` adds other systems.
+By itself: single queries, one after another, on one thread, as a robot asks them; a batch takes less of each. Beside
+each other: the same places and queries, one run, taking turns; queries per second count from preprocessed input to
+match, all queries in one batch shared among threads. Each has a fast form of its own: SAD in 8-bit integers, cosine as
+a float32 matrix product. More matchers can join the same rounds (`run_peers`, ``others``): `make peers` adds others.
 """
 
 from __future__ import annotations
@@ -17,29 +18,45 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.backends.interface import HostBackend
 from lava_vpr.backends.rivals import BASELINES, chosen, compared
-from lava_vpr.bench.measure.child import host_answer
+from lava_vpr.bench.measure.child import decoder_of, host_answer, singles
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.conductance.model import ConductanceState
+from lava_vpr.engine.draw import poisson_spikes
+from lava_vpr.engine.inference.biases import biases, schedule, slopes, start_membranes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import cores, share
-from lava_vpr.errors import InputError
-from lava_vpr.inputs.encoder import Keep
 from lava_vpr.kernelcache import compiled
 from lava_vpr.matching.evaluation import Metrics
-from lava_vpr.model import Model
-from lava_vpr.recognition import Comparison, Recognition, recognise
+from lava_vpr.model import Model, checked_network
+from lava_vpr.recognition import Recognition
 from lava_vpr.training.templates import template_of
 
 Places = NDArray[np.int64]
-Advance = Callable[[str], None]
+Answer = Callable[[slice], Places]
+"""A function from a part of the queries to their places."""
 
 BATCH = 2048
 """Queries are repeated until a batch has as many: starting threads for a hundred would be timed instead of them."""
 FILL = 0.3
 """Seconds that a round takes at least; batches are repeated for it."""
+SINGLES, SECONDS = 1000, 1.0
+"""Queries that are timed by themselves, at most, and how long at most."""
+
+WHAT = {
+    "lava-vpr": "this model on the host engine: input spikes drawn, network run, spikes decoded; sees the input rates",
+    "sad": "sum of absolute differences of patch-normalised 28x28 images (Milford and Wyeth 2012), 8-bit integers",
+    "cosine": "nearest neighbour by cosine of the network's own input rates, float32 matrix product",
+    "hog": "cosine of OpenCV's HOG of 64x64 grey images, its own settings (Dalal and Triggs 2005), float32",
+    "template": "the same network without learning, the references' rates as weights, one neuron a place; as lava-vpr",
+    "vectors": f"nearest neighbour by cosine of {BASELINES['vectors']}, float32 matrix product",
+    "standardised": f"nearest neighbour by cosine of {BASELINES['standardised']}, float32 matrix product",
+}
+"""This model and every baseline in words."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +74,7 @@ class TimedMatcher:
     name: str
     what: str
     bytes: int
-    answer: Callable[[slice], Places]
+    answer: Answer
     metrics: Metrics
 
 
@@ -97,12 +114,11 @@ def _grouped(labels: NDArray[np.int64], places: int) -> tuple[NDArray[np.int64],
     return order, np.searchsorted(labels[order], np.arange(places))
 
 
-def sad_answer(model: Model, patches: NDArray[np.uint8]) -> tuple[Callable[[slice], Places], int]:
-    """Nearest place of ``patches`` (n, 28, 28) by SAD, and bytes kept."""
+def _nearest_by_sad(model: Model, references: NDArray[np.uint8], queries: NDArray[np.uint8]) -> tuple[Answer, int]:
+    """Nearest place of ``queries`` by SAD to the model's ``references``, both (images, 28, 28), and bytes kept."""
     order, starts = _grouped(model.labels, model.places)
-    own = np.asarray(model.patches)
-    kept = np.ascontiguousarray(own.reshape(len(own), -1)[order])
-    flat = np.ascontiguousarray(patches.reshape(len(patches), -1))
+    kept = np.ascontiguousarray(references.reshape(len(references), -1)[order])
+    flat = np.ascontiguousarray(queries.reshape(len(queries), -1))
 
     def answer(part: slice) -> Places:
         distances = np.empty((len(flat[part]), len(kept)), np.int32)
@@ -119,25 +135,7 @@ def _unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0)
 
 
-def cosine_answer(model: Model, rates: NDArray[Any]) -> tuple[Callable[[slice], Places], int]:
-    """Nearest place of the queries' input ``rates`` (n, inputs) by cosine, and bytes kept."""
-    return _nearest_by_cosine(query_rates(model.activity, model.config), rates, model)
-
-
-def hog_answer(model: Model, hog: NDArray[np.uint8]) -> tuple[Callable[[slice], Places], int]:
-    """Nearest place of HOG descriptors ``hog`` (n, 1764) by cosine, and bytes kept."""
-    return _nearest_by_cosine(np.asarray(model.hog), hog, model)
-
-
-def vectors_answer(queries: QuerySet, name: str, times: int) -> tuple[Callable[[slice], Places], int]:
-    """Nearest place of the queries' vectors, repeated, by the baseline ``name``, and bytes kept."""
-    asked, references = compared(queries.model, queries.images, name)
-    return _nearest_by_cosine(references, np.tile(asked, (times, 1)), queries.model)
-
-
-def _nearest_by_cosine(
-    references: NDArray[Any], queries: NDArray[Any], model: Model
-) -> tuple[Callable[[slice], Places], int]:
+def _nearest_by_cosine(model: Model, references: NDArray[Any], queries: NDArray[Any]) -> tuple[Answer, int]:
     """Nearest place of ``queries`` by cosine to the model's ``references``, both (images, n), and bytes kept."""
     order, starts = _grouped(model.labels, model.places)
     kept = _unit(references[order].astype(np.float32))
@@ -158,70 +156,86 @@ def _kept(model: Model) -> int:
     return sum(array.nbytes for array in arrays or (network.weights,)) + model.responses.nbytes
 
 
-def _matchers(queries: QuerySet, known: Recognition) -> list[TimedMatcher]:
-    """This model, and every baseline that it can be compared with."""
-    model, times = queries.model, repeats(queries)
-    rates = np.tile(queries.shown.rates, (times, 1))
-    host = host_answer(model, queries.shown.seed)
-    cosine, cosine_bytes = cosine_answer(model, rates)
-    found = [
-        TimedMatcher(
-            "lava-vpr",
-            "this model on the host engine: input spikes drawn, network run, spikes decoded; sees the input rates",
-            _kept(model),
-            lambda part: host(rates[part]),
-            known.metrics[known.default],
-        ),
-        TimedMatcher(
-            "cosine",
-            "nearest neighbour by cosine of the network's own input rates, float32 matrix product",
-            cosine_bytes,
-            cosine,
-            known.metrics["cosine"],
-        ),
-    ]
-    for name in chosen(model, None):
-        if name == "sad":
-            sad, sad_bytes = sad_answer(model, np.tile(queries.images.kept(Keep.PATCHES, "SAD"), (times, 1, 1)))
-            what = (
-                "sum of absolute differences of patch-normalised 28x28 images (Milford and Wyeth 2012), 8-bit integers"
-            )
-            found.insert(1, TimedMatcher("sad", what, sad_bytes, sad, known.metrics["sad"]))
-        elif name in ("vectors", "standardised"):
-            answer, kept = vectors_answer(queries, name, times)
-            what = f"nearest neighbour by cosine of {BASELINES[name]}, float32 matrix product"
-            found.append(TimedMatcher(name, what, kept, answer, known.metrics[name]))
-        elif name == "hog":
-            hog, hog_bytes = hog_answer(model, np.tile(queries.images.kept(Keep.HOG, "HOG"), (times, 1)))
-            what = "cosine of OpenCV's HOG of 64x64 grey images, its own settings (Dalal and Triggs 2005), float32"
-            found.append(TimedMatcher("hog", what, hog_bytes, hog, known.metrics["hog"]))
-        elif name == "template":
-            found.append(_template(queries, rates, known))
-    return found
+def answer_of(queries: QuerySet, name: str, times: int = 1) -> tuple[Answer, int]:
+    """How ``lava-vpr``, this model, or a baseline answers ``queries``, repeated ``times`` times, and bytes kept.
 
-
-def _template(queries: QuerySet, rates: NDArray[Any], known: Recognition) -> TimedMatcher:
-    """The network without learning, timed as the model is."""
-    template = template_of(queries.model, Pool(cores()))
-    host = host_answer(template, queries.shown.seed)
-    return TimedMatcher(
-        "template",
-        "the same network without learning, the references' rates as weights, one neuron a place; as lava-vpr",
-        _kept(template),
-        lambda part: host(rates[part]),
-        known.metrics["template"],
+    Raises:
+        ConfigError: the model cannot be compared with this baseline.
+        InputError: the queries were encoded without what it compares.
+    """
+    model, rates = queries.model, queries.shown.rates
+    if name in ("lava-vpr", "template"):
+        network = template_of(model, Pool(cores())) if name == "template" else model
+        of_rates, shown = host_answer(network, queries.shown.seed), np.concatenate([rates] * times)
+        return lambda part: of_rates(shown[part]), _kept(network)
+    chosen(model, (name,))
+    own = name == "cosine"
+    seen, references = (
+        (rates, query_rates(model.activity, model.config)) if own else compared(model, queries.images, name)
     )
+    nearest = _nearest_by_sad if name == "sad" else _nearest_by_cosine
+    return nearest(model, references, np.concatenate([seen] * times))
+
+
+def alone(queries: QuerySet, name: str) -> float:
+    """Median time in ms of a query by itself, answered as `answer_of` says."""
+    first = slice(SINGLES)
+    some = QuerySet(queries.model, queries.images.take(first), queries.shown.part(first))
+    answer, _ = answer_of(some, name)
+    return _median(lambda k: answer(slice(k, k + 1)), len(some))
+
+
+def _median(answer: Callable[[int], object], queries: int) -> float:
+    """The median time of a query in ms; ``answer`` takes its number."""
+
+    def of_one(chosen: NDArray[np.int64]) -> Places:
+        answer(int(chosen[0]))
+        return chosen
+
+    with one_blas_thread():
+        of_one(np.zeros(1, np.int64))  # what is compiled or prepared at the first use is not timed
+        return float(np.median(singles(of_one, np.arange(queries), SINGLES, SECONDS)))
+
+
+def beside_board(queries: QuerySet) -> float:
+    """Median time in ms of the host's own work for a query that a board answers, encoding and traffic apart.
+
+    Input spikes are drawn, or settings of inputs worked out, and spike counts are decoded.
+
+    Raises:
+        ConfigError: the model has no integer network.
+    """
+    network, match = checked_network(queries.model, "bench"), decoder_of(queries.model)
+    counts, _ = HostBackend().count_spikes(queries.model, queries.shown.part(slice(1)))
+    rates, keys = queries.shown.rates, queries.shown.keys
+
+    def work(k: int) -> None:
+        _draw(network, rates[k], keys[k])
+        match(counts)
+
+    return _median(work, len(queries))
+
+
+def _draw(network: FixedNetwork, rates: NDArray[np.uint16], key: np.uint64) -> None:
+    """Draw what the host sends of a presentation: input spikes, or settings of the inputs that integrate a bias."""
+    if network.bias_input:
+        biases(rates)
+        start_membranes(int(key), len(rates))
+    elif network.regular:
+        schedule(slopes()[rates], key, network.steps)
+    else:
+        poisson_spikes(rates, key, network.steps)
 
 
 def _round(matcher: TimedMatcher, queries: int, repeats: int, threads: int) -> float:
     """Seconds that ``repeats`` batches of ``queries`` take."""
 
-    def run(part: slice) -> None:
+    def answered(part: slice) -> None:
         for _ in range(repeats):
             matcher.answer(part)
 
     began = time.perf_counter()
-    share(run, queries, threads)
+    share(answered, queries, threads)
     return time.perf_counter() - began
 
 
@@ -241,51 +255,32 @@ def _rates(matchers: Sequence[TimedMatcher], queries: int, threads: int, rounds:
 
 def run_peers(
     queries: QuerySet,
-    truth: NDArray[np.bool_],
+    known: Recognition,
     *,
-    recognition: Recognition | None = None,
     threads: int | None = None,
     rounds: int = 5,
     fill: float = FILL,
     others: Sequence[TimedMatcher] = (),
-    advance: Advance | None = None,
 ) -> tuple[Peer, ...]:
     """Recall and speed of lava-vpr and the baselines on the same places and queries.
 
     Args:
-        queries: Queries to a trained model.
-        truth: bool (n_queries, places).
-        recognition: Recall of the model and its baselines on these queries, if known; None: worked out.
+        queries: Queries to a trained model, at least one.
+        known: Recall of the model and all its baselines on these queries.
         threads: Threads that share the queries; None: one for each processor.
         rounds: The fastest counts.
         fill: Seconds that a round takes at least.
         others: More matchers, which take turns with these.
-        advance: Told what comes next.
     Returns:
         lava-vpr first, ``others`` last.
-    Raises:
-        InputError: there are no queries, or they do not fit the model or the truth.
     """
-    model = queries.model
-    if len(queries) == 0 or truth.shape != (len(queries), model.places):
-        raise InputError(f"{len(queries)} queries, {model.places} places, but ground truth of shape {truth.shape}")
-    workers = threads if threads is not None else cores()
-    tell: Advance = advance or (lambda text: None)
-    tell("recall of lava-vpr and the baselines")
-    known = recognition
-    if known is None or not {*chosen(model, None), known.default} <= set(known.metrics):
-        known = recognise(
-            model,
-            queries.images,
-            truth,
-            Comparison(keep_scores=False),
-            pool=Pool(workers),
-            shown=queries.shown,
-        )
+    workers, times = threads if threads is not None else cores(), repeats(queries)
+    recall = {"lava-vpr": known.metrics[known.default]} | {k: known.metrics[k] for k in chosen(queries.model, None)}
     with one_blas_thread():
-        matchers = [*_matchers(queries, known), *others]
-        tell("speed of each")
-        rates = _rates(matchers, len(queries) * repeats(queries), workers, rounds, fill)
+        made = [(name, *answer_of(queries, name, times), metrics) for name, metrics in recall.items()]
+        matchers = [TimedMatcher(name, WHAT[name], size, answer, metrics) for name, answer, size, metrics in made]
+        matchers += others
+        rates = _rates(matchers, len(queries) * times, workers, rounds, fill)
     return tuple(
         Peer(matcher.name, matcher.what, matcher.metrics, rate, workers, matcher.bytes, len(queries))
         for matcher, rate in zip(matchers, rates, strict=True)
