@@ -74,16 +74,19 @@ def machine(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, object]:
     except OSError:
         lines = []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    facts: dict[str, object] = {
+    facts = {
         "processor": names[0] if names else platform.processor() or platform.machine(),
         "processors": cores(),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
         "lava_vpr": __version__,
     }
-    for package in ("numpy", "numba", "lava-nc"):
-        try:
-            facts[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            facts[package] = None
-    return facts
+    return facts | {package: installed(package) for package in ("numpy", "numba", "lava-nc")}
+
+
+def installed(package: str) -> str | None:
+    """Installed version of a distribution, or None."""
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None

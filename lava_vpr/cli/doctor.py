@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
-import importlib.util
 import platform
 import shutil
 from collections.abc import Sequence
@@ -13,6 +11,7 @@ import click
 
 from lava_vpr import __version__
 from lava_vpr.backends.registry import BACKENDS
+from lava_vpr.bench.query_set import installed
 from lava_vpr.cli.common import console, print_reasons
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import BackendUnavailableError
@@ -42,14 +41,6 @@ OPTIONAL = {
 PLUGGED: tuple[Registry[Any], ...] = (INPUTS, DECODERS, BACKENDS, READERS)
 """The registries whose rows packages can bring."""
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-
-
-def version(package: str) -> str | None:
-    """Installed version of a distribution, or None."""
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return None
 
 
 def _costing() -> tuple[str, str, str]:
@@ -93,10 +84,10 @@ def doctor() -> None:
     console.print(
         f"lava-vpr {__version__}, Python {platform.python_version()}, {platform.machine()}, {cores()} processors",
     )
-    missing = [package for package in NEEDED if version(package) is None]
+    missing = [package for package in NEEDED if installed(package) is None]
     browser = next((name for name in BROWSERS if shutil.which(name)), "not installed")
-    rows = [(package, version(package) or "missing", purpose) for package, purpose in NEEDED.items()]
-    rows += [(k, version(k) or "not installed", f"optional ({extra}): {why}") for k, (extra, why) in OPTIONAL.items()]
+    rows = [(package, installed(package) or "missing", purpose) for package, purpose in NEEDED.items()]
+    rows += [(k, installed(k) or "not installed", f"optional ({extra}): {why}") for k, (extra, why) in OPTIONAL.items()]
     rows.append(("Chromium", browser, "optional: the test that opens a report in a real browser"))
     rows.append(_costing())
     strong = frozenset(k for k, package in enumerate(NEEDED) if package in missing)

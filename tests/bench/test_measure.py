@@ -164,7 +164,7 @@ def test_why_there_is_no_energy(
         pass
     assert meter.joules(0.0, 1.0) is None
     assert meter.reason == reason
-    assert rapl.idle_watts(0.0, root) == (None, reason)
+    assert rapl.idle_watts(0.0, root) is None
 
 
 # Memory
@@ -369,7 +369,7 @@ def test_a_run_that_fails_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
         raise LavaRunError("out of memory; use fewer queries")
 
     monkeypatch.setattr(measure, "run_isolated", fails)
-    monkeypatch.setattr(rapl, "idle_watts", lambda root: (None, ""))
+    monkeypatch.setattr(rapl, "idle_watts", lambda root: None)
     found = measure.measure(asked(), "host", rapl_root=Path("/none"))
     assert found.absent == "out of memory; use fewer queries"
     no_queries = measure.measure(asked(), "host", limit=0)

@@ -83,8 +83,8 @@ def test_doctor_says_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "SANA-FE" not in text
     assert re.search(r"│ RAPL +│ (not )?readable", text)
     module = importlib.import_module("lava_vpr.cli.doctor")
-    known = module.version
-    monkeypatch.setattr(module, "version", lambda package: None if package == "scipy" else known(package))
+    known = module.installed
+    monkeypatch.setattr(module, "installed", lambda package: None if package == "scipy" else known(package))
     result = CliRunner().invoke(main, ["doctor"])
     assert result.exit_code == 1
     assert re.search(r"│ scipy +│ missing ", result.stdout)

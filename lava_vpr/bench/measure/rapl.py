@@ -165,12 +165,12 @@ class Meter:
         return float(last - first)
 
 
-def idle_watts(seconds: float = 1.0, root: Path = ROOT) -> tuple[float | None, str]:
-    """Power while this program does nothing (others may), and why it is not known; to be reported, not subtracted."""
+def idle_watts(seconds: float = 1.0, root: Path = ROOT) -> float | None:
+    """Power while this program does nothing (others may); None: not known. To be reported, not subtracted."""
     with Meter(root) as meter:
         began = time.monotonic()
         if not meter.reason:
             time.sleep(seconds)
         ended = time.monotonic()
     spent = meter.joules(began + PERIOD, ended) if not meter.reason else None
-    return (None, meter.reason) if spent is None else (spent / (ended - began - PERIOD), "")
+    return None if spent is None else spent / (ended - began - PERIOD)

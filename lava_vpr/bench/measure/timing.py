@@ -82,21 +82,25 @@ def measure(
         return replace(made, queries=0, absent=f"no board here: {error}" if missing else str(error))
 
 
-def _energy(meter: rapl.Meter, spans: NDArray[np.float64], presentations: float, watts: float | None) -> dict[str, Any]:
-    """Fields of `Measured` about energy, and what to say of it."""
+def _with_energy(
+    made: Measured, meter: rapl.Meter, spans: NDArray[np.float64], presentations: float, watts: float | None
+) -> Measured:
+    """``made`` with the energy of a presentation and what was counted for it, or why there is none.
+
+    Args:
+        made: All other figures.
+        meter: What read the counters all the while.
+        spans: Begin and end of each run, in seconds.
+        presentations: Presentations in all runs.
+        watts: The idle power; None: not known.
+    """
     parts = [meter.joules(float(began), float(ended)) for began, ended in spans]
-    if any(part is None for part in parts):
-        return {"no_energy": meter.reason}
-    spent = sum(part for part in parts if part is not None)
+    spent = [part for part in parts if part is not None]
+    if len(spent) < len(parts):
+        return replace(made, no_energy=meter.reason)
     idle = "" if watts is None else f", which draw {watts:.1f} W when this program does nothing (not subtracted)"
-    return {"joules_per_query": spent / presentations, "energy_note": f"energy of {meter.sources}{idle}"}
-
-
-def _with_note(made: Measured, energy: dict[str, Any], **changes: Any) -> Measured:
-    """``made`` with figures and the note on energy."""
-    note = energy.pop("energy_note", "")
-    what = "; ".join(part for part in (changes.pop("what", made.what), note) if part)
-    return replace(made, what=what, **changes, **energy)
+    what = f"{made.what}; energy of {meter.sources}{idle}"
+    return replace(made, what=what, joules_per_query=sum(spent) / presentations)
 
 
 @contextlib.contextmanager
@@ -130,7 +134,7 @@ def _on_disk(model: Model, backend: str) -> Iterator[Path]:
 def _compiled(model: Model, shown: Presentations, made: Measured, rounds: int, rapl_root: Path) -> Measured:
     """The figures of the host engine, or of a bundle's simulation, timed in fresh processes."""
     threads = cores() if made.name == "host" else 1
-    watts, _ = rapl.idle_watts(root=rapl_root)
+    watts = rapl.idle_watts(root=rapl_root)
     options = {"backend": made.name, "seed": shown.seed, "threads": threads, "rounds": rounds}
     options |= {"singles": SINGLES, "seconds": SINGLE_SECONDS, "fill": FILL if made.name == "host" else 0.0}
     with _on_disk(model, made.name) as path, _one_blas_thread(), rapl.Meter(rapl_root) as meter:
@@ -143,15 +147,15 @@ def _compiled(model: Model, shown: Presentations, made: Measured, rounds: int, r
     spans, size = timed["rounds"], int(timed["batch"][0])
     times = size // made.queries
     repeats = f", each {times} times" if times > 1 else ""
-    return _with_note(
+    made = replace(
         made,
-        _energy(meter, spans, size * len(spans), watts),
         what=f"{made.what}; input rates to match, spikes drawn; in one batch all queries{repeats}",
         threads=threads,
         queries_per_second=size / float((spans[:, 1] - spans[:, 0]).min()),
         milliseconds=tuple(sorted(float(x) for x in timed["milliseconds"])),
         peak_bytes=int(timed["peak"][0]) or None,
     )
+    return _with_energy(made, meter, spans, size * len(spans), watts)
 
 
 def _lava(model: Model, shown: Presentations, made: Measured, least: int, rapl_root: Path) -> Measured:
@@ -159,7 +163,7 @@ def _lava(model: Model, shown: Presentations, made: Measured, least: int, rapl_r
     backend = backends.get(made.name)
     if not isinstance(backend, LavaBackend):
         return replace(made, absent=f"{made.name} cannot be timed")
-    watts, _ = rapl.idle_watts(root=rapl_root)
+    watts = rapl.idle_watts(root=rapl_root)
     # The first run is the start of Lava, so there is one query more than is timed.
     queries = shown.part(np.concatenate([[0], np.arange(len(shown.rates))]))
     n = len(queries.rates)
@@ -177,12 +181,10 @@ def _lava(model: Model, shown: Presentations, made: Measured, least: int, rapl_r
     later = together[1:] if len(together) > 1 else together[:0]
     presented, seconds = float(later[:, 0].sum()), float((later[:, 2] - later[:, 1]).sum())
     start = float(alone[0, 2] - alone[0, 1])
-    energy = _energy(meter, later[:, 1:], presented, watts) if presented else {"no_energy": "too few queries"}
     if not np.array_equal(counts, again[: len(counts)]):
         return replace(made, absent="two runs of the same queries gave different spikes; see lava-vpr verify")
-    return _with_note(
+    made = replace(
         made,
-        energy,
         what=f"{made.what}; input rates to match, spikes drawn; Lava's start, {start:.1f} s with its first query, is "
         "not in it; memory of all its processes together",
         threads=cores(),
@@ -190,6 +192,9 @@ def _lava(model: Model, shown: Presentations, made: Measured, least: int, rapl_r
         milliseconds=tuple(sorted(milliseconds.tolist())),
         peak_bytes=held,
     )
+    if not presented:
+        return replace(made, no_energy="too few queries")
+    return _with_energy(made, meter, later[:, 1:], presented, watts)
 
 
 def each_image(traverse: Traverse, work: Callable[[NDArray[Any]], object], limit: int = 200) -> list[float]:
