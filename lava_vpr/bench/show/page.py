@@ -128,7 +128,7 @@ def page(bench: Bench) -> str:
 
     def part(name: str, link: str, heading: str, *more: str | Table) -> Section:
         """A section with its drawing, its tables, and ``more``."""
-        parts = (*drawings.get(name, ()), *tables.get(name, ()), *more)
+        parts: list[str | Table] = [*drawings.get(name, ()), *tables.get(name, ()), *more]
         return Section(name, link, parts, heading, _NOTES.get(name, ""))
 
     shown = (
