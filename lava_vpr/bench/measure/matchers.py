@@ -114,8 +114,8 @@ def _grouped(labels: NDArray[np.int64], places: int) -> tuple[NDArray[np.int64],
     return order, np.searchsorted(labels[order], np.arange(places))
 
 
-def _nearest_by_sad(model: Model, references: NDArray[np.uint8], queries: NDArray[np.uint8]) -> tuple[Answer, int]:
-    """Nearest place of ``queries`` by SAD to the model's ``references``, both (images, 28, 28), and bytes kept."""
+def _nearest_by_sad(model: Model, references: NDArray[Any], queries: NDArray[Any]) -> tuple[Answer, int]:
+    """Nearest place of ``queries`` by SAD to the model's ``references``, both uint8 (images, h, w), and bytes kept."""
     order, starts = _grouped(model.labels, model.places)
     kept = np.ascontiguousarray(references.reshape(len(references), -1)[order])
     flat = np.ascontiguousarray(queries.reshape(len(queries), -1))
