@@ -49,7 +49,7 @@ def mesh_of(plan: Plan, trains: Trains) -> Mesh:
     Raises:
         BackendUnavailableError: a board other than Loihi 1's, or trains that lack spikes.
     """
-    if plan.board.mesh is None or not plan.board.timed:
+    if plan.board.mesh is None or plan.board.constants is None:
         raise BackendUnavailableError(f"SANA-FE's architecture is Loihi 1, not {plan.board.title}")
     if trains.inputs is None or trains.inh is None:
         raise BackendUnavailableError("a cross-check needs the spikes of inputs and inhibitory neurons, too")

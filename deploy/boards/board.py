@@ -78,11 +78,6 @@ class Board:
         return network.bits + (network.signed or not self.memory.one_sign)
 
     @property
-    def timed(self) -> bool:
-        """Whether the times of the board's operations are public."""
-        return self.constants is not None
-
-    @property
     def known(self) -> str:
         """What is public of a board whose way of storing synapses is not, and what is not; else empty."""
         return self.memory.described(self.chips * self.cores, self.compartments)
@@ -130,7 +125,7 @@ class Board:
             "weight_bits": self.weight_bits,
             "index_bits": self.memory.index_bits,
             "host_spikes": public(self.host_spikes),
-            "timed": self.timed,
+            "timed": self.constants is not None,
         }
 
 

@@ -60,16 +60,6 @@ class EndedProgram:
     error: str
 
 
-def interpreter(bundle: ReadBundle, python: str | None = None) -> str:
-    """The Python that runs the bundle's board: ``python``, else what the vendor's variable names, else the running one.
-
-    A path with a folder in it is made absolute, as the program has a working directory of its own.
-    """
-    variable = TARGETS[bundle.target].interpreter
-    chosen = python or (os.environ.get(variable) if variable is not None else None) or sys.executable
-    return os.path.abspath(chosen) if os.sep in chosen else chosen
-
-
 def lay_out(bundle: ReadBundle, folder: Path) -> Path:
     """Write what was read of ``bundle`` into the new folder ``folder``, with the shipped program; its ``run.py``.
 
@@ -93,7 +83,6 @@ def run_program(
     words: Sequence[str | Path] = (),
     *,
     bias: NDArray[np.int32] | None = None,
-    python: str | None = None,
     patience: float,
     advance: Callable[[int], None] | None = None,
 ) -> EndedProgram:
@@ -106,7 +95,6 @@ def run_program(
         keys: Keys of the presentations, uint64 (n,).
         words: More words of its command line.
         bias: Biases of each presentation in units of v, int32 (n, neurons); None: always the bundle's.
-        python: See `interpreter`.
         patience: Seconds without progress after which it is stopped.
         advance: Told how many more queries are done.
     Raises:
@@ -119,7 +107,9 @@ def run_program(
     if bias is not None:
         for name, array in zip(("biases", "exponents"), bias_registers(bias), strict=True):
             np.save(queries / f"{name}.npy", array, allow_pickle=False)
-    chosen = interpreter(bundle, python)
+    variable = TARGETS[bundle.target].interpreter
+    chosen = (os.environ.get(variable) if variable is not None else None) or sys.executable
+    chosen = os.path.abspath(chosen) if os.sep in chosen else chosen  # the program has a working directory of its own
     command = [chosen, lay_out(bundle, folder / "bundle"), "--queries", queries, "--out", out, *words]
     environment = {**os.environ, "TMPDIR": str(folder)}  # whatever it leaves is removed
     try:
@@ -130,7 +120,6 @@ def run_program(
         ):
             hung = _follow(child, out, len(keys), patience, advance)
     except OSError as error:
-        variable = TARGETS[bundle.target].interpreter
         remedy = f"set {variable} to a Python that has nxsdk" if variable else "install Python again"
         raise BackendUnavailableError(f"{chosen}: cannot be started ({error.strerror}); {remedy}") from None
     return ended(folder, bundle, child.returncode, hung=hung)
@@ -193,7 +182,7 @@ NOTES = logging.getLogger("lava_vpr")
 PYTHON = "NXSDK_PYTHON"
 ATTEMPTS = 2
 IMPORT_SECONDS = 60.0
-PATIENCE = 700.0  # seconds without progress beyond those of one run; the program gives up sooner, unless it hangs
+PATIENCE = 700.0  # seconds without progress; the program gives up sooner, unless it hangs
 
 _FIND = (
     "import sys; sys.path[:] = [path for path in sys.path if path]; "  # not where we stand, which may be a bundle
@@ -237,8 +226,6 @@ def run_bundle(
     keys: NDArray[np.uint64],
     *,
     bias: NDArray[np.int32] | None = None,
-    python: str | None = None,
-    timeout: float | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> NDArray[np.int32]:
     """Present queries to the bundle's board. Queries that it does not answer are presented once more to a board that
@@ -249,8 +236,6 @@ def run_bundle(
         rates: Spikes a step in units of 2^-16, uint16 (n, inputs).
         keys: Keys of the presentations, uint64 (n,).
         bias: Biases of each presentation in units of v, int32 (n, neurons); None: always the bundle's.
-        python: A Python that has the vendor's software (default: $NXSDK_PYTHON, else the running one).
-        timeout: Seconds that one run of the board, 16 queries, may take (default: 220).
         advance: Told how many more queries are done.
     Returns:
         Counts int32 (n, neurons), every row from the board.
@@ -261,7 +246,6 @@ def run_bundle(
         LavaRunError: queries remain unanswered; the message says how many were answered.
     """
     counts, done = np.full((len(keys), scalars(bundle)["neurons"]), -1, np.int32), np.zeros(len(keys), bool)
-    seconds = timeout or 0.0
     for attempt in range(ATTEMPTS):
         left = np.flatnonzero(~done)
         with temporary_folder() as folder:
@@ -270,10 +254,8 @@ def run_bundle(
                 folder,
                 rates[left],
                 keys[left],
-                ("--timeout", str(seconds)),
                 bias=None if bias is None else bias[left],
-                python=python,
-                patience=seconds + PATIENCE,
+                patience=PATIENCE,
                 advance=advance,
             )
             found, error = _answers(folder / "out", (len(left), counts.shape[1]), ended)

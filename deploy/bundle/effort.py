@@ -28,15 +28,6 @@ def together(network: FixedNetwork, most: int) -> int:
     return max(1, min(most, limit("simulation_bytes") // each))
 
 
-def check_recorded(network: FixedNetwork, presentations: int) -> None:
-    """Refuse to keep every spike of so many presentations where that takes more memory than is allowed.
-
-    Raises:
-        NetworkLimitError: it does.
-    """
-    check("simulation_bytes", presentations * spike_bytes(network), f"every spike of {presentations:,} queries")
-
-
 def check(name: str, amount: int, what: str) -> None:
     """Refuse to simulate what takes an ``amount`` beyond the limit ``name``.
 

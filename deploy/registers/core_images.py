@@ -168,19 +168,15 @@ def _single(
     return replace(rows, compartments=compartments[targets].astype(np.int32))
 
 
-def _settings(network: FixedNetwork) -> dict[PopulationName, tuple[int, int]]:
-    """decayV and threshold of each population."""
-    return {
+def _registers(network: FixedNetwork, names: Sequence[PopulationName], size: int, formats: list[Any]) -> dict[str, Any]:
+    """A core's registers: one profile and one threshold for each population on it."""
+    of_population: dict[PopulationName, tuple[int, int]] = {  # decayV and threshold
         "exc": (network.decay, network.threshold),
         "counters": (0, COUNTER_THRESHOLD),
         "inh": (NO_MEMORY_DECAY, RELAY_THRESHOLD),
         "inputs": (NO_MEMORY_DECAY, RELAY_THRESHOLD) if network.relayed else (0, biases.THRESHOLD),
     }
-
-
-def _registers(network: FixedNetwork, names: Sequence[PopulationName], size: int, formats: list[Any]) -> dict[str, Any]:
-    """A core's registers: one profile and one threshold for each population on it."""
-    settings = [_settings(network)[name] for name in names]
+    settings = [of_population[name] for name in names]
     profiles = [
         {
             "decayU": NO_MEMORY_DECAY,

@@ -135,16 +135,6 @@ def busiest(plan: Plan) -> CorePlan:
     return max(plan.cores, key=lambda core: core.microseconds or 0.0)
 
 
-def _inhibitory(plan: Plan) -> str:
-    """The inhibitory neurons, as the beginning of a sentence."""
-    leaves = plan.network.leaves
-    return (
-        f"{leaves} inhibitory neurons and another that listens to them take"
-        if leaves
-        else "One inhibitory neuron takes"
-    )
-
-
 def summary(plan: Plan) -> list[str]:
     """What matters of a plan, a sentence each."""
     board, network = plan.board, plan.network
@@ -152,7 +142,9 @@ def summary(plan: Plan) -> list[str]:
     lines = [
         f"{least}{len(plan.cores)} of {board.chips * board.cores} cores, {_bits(plan.weight_bits)} a stored weight."
     ]
-    lines.append(f"{_inhibitory(plan)} from every neuron {network.inhibition_delay} steps after any has spiked.")
+    some = f"{network.leaves} inhibitory neurons and another that listens to them take"
+    inhibitory = some if network.leaves else "One inhibitory neuron takes"
+    lines.append(f"{inhibitory} from every neuron {network.inhibition_delay} steps after any has spiked.")
     if board.mesh is None:
         lines.append("Which cores they are, and how synapses are stored, is decided by Intel's compiler.")
     if board.known:

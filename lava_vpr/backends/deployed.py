@@ -79,7 +79,8 @@ class BundleBackend:
 
     def trains(self, model: Model, shown: Presentations) -> Trains:
         """See `lava_vpr.backends.interface.Backend.trains`."""
-        effort.check_recorded(checked_network(model, "bundle"), len(shown.rates))
+        queries, each = len(shown.rates), effort.spike_bytes(checked_network(model, "bundle"))
+        effort.check("simulation_bytes", queries * each, f"every spike of {queries:,} queries")
         pieces = [spikes for _, spikes in self._play(model, shown)]
         exc, inh, inputs = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
         return Trains(exc, inputs, inh)

@@ -302,7 +302,7 @@ def test_loihi_2_has_counts_and_no_figures() -> None:
     assert found.busiest_core["accesses"] == 13
     assert estimates(*vars(found).values()) == []
     assert found.tiles is found.figures is found.as_json()["dynamic_microjoules"] is None
-    nothing = modelled(busy_plan(bias_input=False), example()[1].part(slice(0, 0)))
+    nothing = modelled(busy_plan(bias_input=False), example(n=0)[1])
     assert nothing.unavailable == "there is no query"
 
 
