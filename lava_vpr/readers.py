@@ -18,12 +18,12 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.events.files import EVENT_SUFFIXES, event_samples, is_event_stream, is_events, windows_of
+from lava_vpr.events.files import EVENT_STREAM, EVENT_SUFFIXES, event_samples, is_events, windows_of
 from lava_vpr.images.bags import BAG_SUFFIXES, bag_files, bag_samples, is_bag, split_topic
 from lava_vpr.images.files import IMAGE_SUFFIXES, LIST_SUFFIXES, VIDEO_SUFFIXES, folder_images, listed_images
 from lava_vpr.images.imagefiles import appearing, read_image
 from lava_vpr.images.sampling import Sample, every_so_often
-from lava_vpr.images.videos import camera_samples, is_camera, video_samples
+from lava_vpr.images.videos import CAMERA, camera_samples, video_samples
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.positions.frames import stamps_of_names
 from lava_vpr.rows.registry import Registry
@@ -115,7 +115,7 @@ class Reader:
         open: What is in it, stored or live; an `InputError` of one line where it cannot be used.
         takes: Whether a path that exists is one; it may look into the file, but not read all of it.
         suffixes: How names of its files end, in small letters, for messages; () of a folder.
-        named: Whether a text that is no path names one, which can only be watched.
+        named: Whether a text that is no path names one, which can only be watched; true of what is not None or False.
     """
 
     name: str
@@ -123,7 +123,7 @@ class Reader:
     open: Callable[[Wanted], Found]
     takes: Callable[[Path], bool] = lambda path: False
     suffixes: tuple[str, ...] = ()
-    named: Callable[[str], bool] = lambda source: False
+    named: Callable[[str], object] = lambda source: False
 
 
 READERS: Registry[Reader] = Registry("reader", InputError, group="lava_vpr.readers", row_class=Reader)
@@ -199,8 +199,8 @@ def _ends(suffixes: tuple[str, ...]) -> Callable[[Path], bool]:
 
 for _row in (
     Reader("lines", "standard input", _lines, named=lambda source: source == "-"),
-    Reader("camera", "a camera", _camera, named=is_camera),
-    Reader("event stream", "a stream of events", _event_stream, named=is_event_stream),
+    Reader("camera", "a camera", _camera, named=CAMERA.fullmatch),
+    Reader("event stream", "a stream of events", _event_stream, named=EVENT_STREAM.fullmatch),
     Reader(
         "bag",
         "a ROS bag: a file, or the folder of one",

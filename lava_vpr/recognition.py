@@ -15,12 +15,12 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
 from lava_vpr.backends.interface import Advance, Backend, Events, HostBackend, Presentations, query_presentations
 from lava_vpr.backends.registry import BACKENDS
-from lava_vpr.backends.rivals import Rivals, Scored, decoded
+from lava_vpr.backends.rivals import Rivals, Scored, decoded, descriptor_similarities
 from lava_vpr.backends.rivals import chosen as rivals_of
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, encoded_batches
 from lava_vpr.engine.adaptation import Adaptation, Motion
-from lava_vpr.matching import baselines, sequences
+from lava_vpr.matching import sequences
 from lava_vpr.matching.answers import ALONE, Answerer, Answers, Followed, Held, InBlocks, Together, follow, hold
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import Metrics
@@ -251,9 +251,7 @@ def recognise(
         truth = sequences.sequence_truth(truth, comparison.sequence)
     names = rivals_of(model, comparison.rivals)
     files, labels = comparison.descriptors, model.labels
-    others = files and baselines.descriptor_similarities(
-        *files, n_references=len(labels), n_queries=len(queries), labels=labels
-    )
+    others = files and descriptor_similarities(*files, n_references=len(labels), n_queries=len(queries), labels=labels)
     comparison.asking.check(model)
     shown = Asker(model, seed=seed).presentations((queries, *further)) if shown is None else shown
     shown_counts, events = count_query_spikes(

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial, reduce
 from operator import or_
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,11 +25,13 @@ from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, Keep, query_rates
 from lava_vpr.engine.adaptation import Adaptation
-from lava_vpr.errors import ConfigError
+from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching import baselines, decoders
 from lava_vpr.matching.answers import InBlocks
 from lava_vpr.model import IntegerModel, Model, as_integer
+from lava_vpr.storage.text import shown
+from lava_vpr.vectors.files import load_descriptors
 
 BASELINES = {
     "sad": "patch-normalised images of 28x28 pixels",
@@ -46,6 +49,35 @@ _COMPARED = {
     "standardised": ("standardised", Keep.VECTORS),
 }
 """What a message calls each baseline that compares more of the images than their activity, and what that is."""
+
+
+def descriptor_similarities(
+    ref_npy: Path,
+    query_npy: Path,
+    *,
+    n_references: int | None = None,
+    n_queries: int | None = None,
+    labels: NDArray[Any] | None = None,
+) -> NDArray[np.float64]:
+    """Cosine similarity of descriptors in two .npy files.
+
+    Args:
+        ref_npy: File with one row for each reference image.
+        query_npy: File with one row for each query.
+        n_references, n_queries: How many rows each must have, if known.
+        labels: As in `lava_vpr.matching.baselines.sad_distances`.
+    Returns:
+        Similarities (n_queries, n_places), the largest over a place's images; 0 for an all-zero descriptor.
+    Raises:
+        InputError: as `load_descriptors`, naming the file; or descriptors of different dimensions.
+    """
+    references, queries = load_descriptors(ref_npy, n_references), load_descriptors(query_npy, n_queries)
+    if references.shape[1] != queries.shape[1]:
+        raise InputError(
+            f"{shown(query_npy)}: descriptors of {queries.shape[1]} dimensions, but {shown(ref_npy)} has "
+            f"{references.shape[1]}; compute both with the same network"
+        )
+    return baselines.cosine_similarities(references, queries, labels)
 
 
 def strange(model: Model) -> dict[str, str]:

@@ -120,14 +120,9 @@ def _size(recording: EventRecording) -> tuple[int, int]:
     return check_size((width, height), shown(recording.path))
 
 
-_SOURCE = re.compile(r"events:(\d{1,5})x(\d{1,5})")
+EVENT_STREAM = re.compile(r"events:(\d{1,5})x(\d{1,5})")
 _MOST = 1 << 20
 """Bytes that are read at a time, at most."""
-
-
-def is_event_stream(source: str) -> bool:
-    """Whether ``source`` stands for events on standard input."""
-    return _SOURCE.fullmatch(source) is not None
 
 
 def event_samples(source: str, config: EventsConfig, every: float, handle: int = 0) -> Iterator[Sample]:
@@ -145,7 +140,7 @@ def event_samples(source: str, config: EventsConfig, every: float, handle: int =
     Raises:
         InputError: the sensor is none; from the iterator: the stream holds what is no event, or ends within one.
     """
-    found = _SOURCE.fullmatch(source)
+    found = EVENT_STREAM.fullmatch(source)
     if found is None:
         raise InputError(f"{source}: is no stream of events; write events:WIDTHxHEIGHT")
     size = check_size((int(found[1]), int(found[2])), source)

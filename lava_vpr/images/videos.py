@@ -110,15 +110,10 @@ def _retrieved(capture: cv2.VideoCapture, fault: str) -> NDArray[np.uint8]:
     return np.asarray(image, np.uint8)
 
 
-_DEVICE = re.compile(r"(?:camera:|/dev/video)(\d{1,3})")
-_STREAM = re.compile(r"rtsps?://")
+CAMERA = re.compile(r"(?:camera:|/dev/video)(\d{1,3})|rtsps?://.*", re.DOTALL)
+"""What names a camera: a number, which it holds, or an address."""
 _WAIT_MS = 5000
 """Milliseconds after which a stream that does not answer is given up."""
-
-
-def is_camera(source: str) -> bool:
-    """Whether ``source`` names a camera."""
-    return _DEVICE.fullmatch(source) is not None or _STREAM.match(source) is not None
 
 
 def camera_samples(source: str) -> Iterator[Sample]:
@@ -127,7 +122,7 @@ def camera_samples(source: str) -> Iterator[Sample]:
     Their stamps are when they came, in seconds since 1970.
 
     Args:
-        source: Its name (`is_camera`).
+        source: Its name (`CAMERA`).
     Raises:
         InputError: there is no such camera, or it gives no (further) image.
     """
@@ -151,8 +146,8 @@ def camera_samples(source: str) -> Iterator[Sample]:
 
 def _opened(source: str, name: str) -> cv2.VideoCapture:
     """The opened camera; what codecs say of it is kept quiet."""
-    device = _DEVICE.fullmatch(source)
-    if device is not None:
+    device = CAMERA.fullmatch(source)
+    if device is not None and device[1]:
         path = f"/dev/video{int(device[1])}"
         if not os.path.exists(path):
             raise InputError(f"{name}: there is no camera {path}; plug it in, or see which there are: ls /dev/video*")

@@ -1,4 +1,4 @@
-"""Simpler matchers on the same images: SAD, cosine of the input rates, and descriptors from elsewhere.
+"""Simpler matchers on the same images: SAD, and cosine of the input rates or of descriptors from elsewhere.
 
 * ``sad``: mean absolute difference of patch-normalised images, the paper's baseline (Hussaini et al. 2022, section
   VI.B, after SeqSLAM, Milford and Wyeth 2012). Scores are the distances, negated; the best one is the confidence.
@@ -12,15 +12,12 @@ result less than 100 MB are needed.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.storage.arrays import read_array
-from lava_vpr.storage.text import shown
 
 Scores = NDArray[np.float64]
 BLOCK_BYTES = 16_000_000  # of one float64 block: queries, references or their distances
@@ -139,61 +136,3 @@ def cosine_similarities(references: NDArray[Any], queries: NDArray[Any], labels:
             f"vectors have {references.shape[1]} (reference) and {queries.shape[1]} (query) elements; encode both alike"
         )
     return _nearest(references, queries, labels, _unit_free, np.maximum)
-
-
-def load_descriptors(path: Path | str, n_images: int | None = None) -> NDArray[Any]:
-    """Descriptors from a .npy file, one row for each image.
-
-    Args:
-        path: File written by ``numpy.save``: real numbers, shape (n_images, dimensions).
-        n_images: How many rows it must have, if known.
-    Returns:
-        The array as stored.
-    Raises:
-        InputError: the file is missing, no .npy file, holds pickled objects or other than finite real numbers, or has
-            the wrong shape.
-    """
-    remedy = "write it with numpy.save, one row of floats for each image"
-    array = read_array(Path(path), remedy)
-    if array.dtype.kind not in "fiu":
-        raise InputError(f"{shown(path)}: holds {array.dtype}, not real numbers; {remedy}")
-    if array.ndim != 2 or array.shape[1] < 1:
-        raise InputError(f"{shown(path)}: has shape {array.shape}, not (images, dimensions); {remedy}")
-    if n_images is not None and len(array) != n_images:
-        raise InputError(
-            f"{shown(path)}: has {len(array)} rows for {n_images} images; give one row for each image, in their order"
-        )
-    for rows in _row_blocks(len(array), array.shape[1]):
-        bad = np.flatnonzero(~np.isfinite(array[rows]).all(axis=1))
-        if len(bad):
-            raise InputError(f"{shown(path)}: row {rows.start + bad[0]} holds NaN or infinite values; compute it again")
-    return np.asarray(array)
-
-
-def descriptor_similarities(
-    ref_npy: Path | str,
-    query_npy: Path | str,
-    *,
-    n_references: int | None = None,
-    n_queries: int | None = None,
-    labels: NDArray[Any] | None = None,
-) -> Scores:
-    """Cosine similarity of descriptors in two .npy files.
-
-    Args:
-        ref_npy: File with one row for each reference image.
-        query_npy: File with one row for each query.
-        n_references, n_queries: How many rows each must have, if known.
-        labels: As in `sad_distances`.
-    Returns:
-        Similarities (n_queries, n_places), the largest over a place's images; 0 for an all-zero descriptor.
-    Raises:
-        InputError: as `load_descriptors`, naming the file; or descriptors of different dimensions.
-    """
-    references, queries = load_descriptors(ref_npy, n_references), load_descriptors(query_npy, n_queries)
-    if references.shape[1] != queries.shape[1]:
-        raise InputError(
-            f"{shown(query_npy)}: descriptors of {queries.shape[1]} dimensions, but {shown(ref_npy)} has "
-            f"{references.shape[1]}; compute both with the same network"
-        )
-    return cosine_similarities(references, queries, labels)

@@ -31,6 +31,7 @@ from lava_vpr.storage.reading import open_regular
 from lava_vpr.storage.text import shown
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import Traverse
+from lava_vpr.vectors.files import load_descriptors
 
 FIGURES = ("released", "recall_at_100_precision", "recall_at_1", "auc")
 """The figures of a method on a section, fractions in 0..1: R@100P as the paper's released code counts it (`evaluate`,

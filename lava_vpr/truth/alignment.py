@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -220,14 +221,21 @@ def read_ground_truth(
     """
     suffix = path.suffix.lower()
     if suffix == ".npy":
-        return _truth_of_array(path, query_indices, place_indices)
-    if suffix == ".json":
-        pairs = _json_truth(path, query_indices)
+        entries = _array_entries(path, query_indices, place_indices)
+    elif suffix == ".json":
+        entries = _json_entries(path, query_indices)
     elif suffix in (".txt", ".csv"):
-        pairs = _text_truth(path)
+        entries = _text_entries(path)
     else:
         raise InputError(f"{shown(path)}: is no known type of ground truth; give a .txt, .csv, .json or .npy file")
-    return _truth_of_sets(path, pairs, query_indices, place_indices)
+    places_of: dict[int, set[int]] = {}
+    for query, places in entries:
+        places_of.setdefault(query, set()).update(places)
+    return _truth_of_sets(path, places_of, query_indices, place_indices)
+
+
+Entries = Iterable[tuple[int, Iterable[int]]]
+"""Queries and places that are correct for them; a query may come several times."""
 
 
 def _truth_of_sets(
@@ -250,31 +258,29 @@ def _span(indices: NDArray[np.int64]) -> str:
     return f"{indices.min()}..{indices.max()}" if len(indices) else "it is empty"
 
 
-def _text_truth(path: Path) -> dict[int, set[int]]:
-    """Correct places by query, from a text file."""
-    places_of: dict[int, set[int]] = {}
+def _text_entries(path: Path) -> Entries:
+    """Queries and their places, from a text file."""
     lines = [(number, line.split("#")[0]) for number, line in enumerate(text_lines(path), start=1)]
     lines = [(number, line) for number, line in lines if line.strip()]
     if lines and not any(c.isdigit() for c in lines[0][1]):
         lines = lines[1:]  # a header
+    if not lines:
+        raise InputError(f"{shown(path)}: holds no ground truth; write lines such as 7: 6 7 8")
     for number, line in lines:
         words = line.replace(",", " ").replace(";", " ").replace(":", " ").split()
         wrong = [word for word in words if not _is_index(word)]
         if wrong or not words:
             what = brief(wrong[0] if wrong else line)
             raise InputError(f"{shown(path)} line {number}: {what} is no index; write lines such as 7: 6 7 8")
-        places_of.setdefault(int(words[0]), set()).update(map(int, words[1:]))
-    if not places_of:
-        raise InputError(f"{shown(path)}: holds no ground truth; write lines such as 7: 6 7 8")
-    return places_of
+        yield int(words[0]), map(int, words[1:])
 
 
 def _is_index(word: str) -> bool:
     return word.isascii() and word.isdigit() and len(word) <= 18
 
 
-def _json_truth(path: Path, query_indices: NDArray[np.int64]) -> dict[int, set[int]]:
-    """Correct places by query, from a JSON file."""
+def _json_entries(path: Path, query_indices: NDArray[np.int64]) -> Entries:
+    """Queries and their places, from a JSON file."""
     try:
         # Pairs, since a repeated key would silently replace the one before it.
         content = parse_json(file_text(path), object_pairs_hook=lambda pairs: {"pairs": pairs})
@@ -287,7 +293,6 @@ def _json_truth(path: Path, query_indices: NDArray[np.int64]) -> dict[int, set[i
         entries = list(zip(map(str, _row_queries(path, len(content), query_indices)), content, strict=True))
     else:
         raise InputError(f'{shown(path)}: holds a single value; write {{"7": [6, 7, 8]}} or a list of lists')
-    places_of: dict[int, set[int]] = {}
     for key, value in entries:
         places = value if isinstance(value, list) else [value]
         if not _is_index(key):
@@ -296,8 +301,7 @@ def _json_truth(path: Path, query_indices: NDArray[np.int64]) -> dict[int, set[i
             raise InputError(
                 f"{shown(path)}: query {brief(int(key))} has a place that is no index; use whole numbers from 0"
             )
-        places_of.setdefault(int(key), set()).update(places)
-    return places_of
+        yield int(key), places
 
 
 def _row_queries(path: Path, rows: int, indices: NDArray[np.int64], what: str = "queries") -> NDArray[np.int64]:
@@ -312,26 +316,18 @@ def _row_queries(path: Path, rows: int, indices: NDArray[np.int64], what: str = 
     )
 
 
-def _truth_of_array(
-    path: Path, query_indices: NDArray[np.int64], place_indices: NDArray[np.int64]
-) -> NDArray[np.bool_]:
-    """The matrix of a NumPy file of any of the three shapes."""
+def _array_entries(path: Path, query_indices: NDArray[np.int64], place_indices: NDArray[np.int64]) -> Entries:
+    """Queries and their places, from a NumPy file of any of the three shapes."""
     wants = "integers (n,), rows of query and place (n, 2), or booleans (queries, places)"
     array = read_array(path, f"save {wants}")
     whole = array.dtype.kind in "iu"
     if array.ndim == 1 and whole:
-        rows = _row_queries(path, len(array), query_indices)
-        sets = {int(q): {int(place)} if place >= 0 else set() for q, place in zip(rows, array, strict=True)}
-        return _truth_of_sets(path, sets, query_indices, place_indices)
+        queries = _row_queries(path, len(array), query_indices).tolist()
+        return zip(queries, ([place] if place >= 0 else [] for place in array.tolist()), strict=True)
     if array.ndim == 2 and array.shape[1] == 2 and whole:
-        pairs: dict[int, set[int]] = {}
-        for q, place in array:
-            pairs.setdefault(int(q), set()).add(int(place))
-        return _truth_of_sets(path, pairs, query_indices, place_indices)
+        return ((query, [place]) for query, place in array.tolist())
     if array.ndim != 2 or not np.isin(array, (0, 1)).all():
         raise InputError(f"{shown(path)}: holds {array.dtype} {array.shape}; save {wants}")
-    rows = _row_queries(path, array.shape[0], query_indices)
+    queries = _row_queries(path, array.shape[0], query_indices).tolist()
     columns = _row_queries(path, array.shape[1], place_indices, "places")
-    named = array.astype(np.bool_)
-    sets = {int(q): set(columns[row].tolist()) for q, row in zip(rows, named, strict=True)}
-    return _truth_of_sets(path, sets, query_indices, place_indices)
+    return zip(queries, (columns[row].tolist() for row in array.astype(np.bool_)), strict=True)

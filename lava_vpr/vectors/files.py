@@ -110,32 +110,62 @@ def checked_vectors(array: NDArray[Any], where: str, remedy: str = REMEDY) -> ND
     return array
 
 
+def load_descriptors(path: Path, n_images: int | None = None) -> NDArray[Any]:
+    """Descriptors from a .npy file, one row for each image, as they are stored; they cannot be written to.
+
+    Args:
+        path: File written by ``numpy.save``: real numbers, (images, values).
+        n_images: How many rows it must have, if known.
+    Raises:
+        InputError: it cannot be read, or holds no vectors (`checked_vectors`), or another number of rows.
+    """
+    remedy = "write it with numpy.save, one row of floats for each image"
+    array = checked_vectors(read_array(path, remedy), shown(path), remedy)
+    if n_images is not None and len(array) != n_images:
+        raise InputError(
+            f"{shown(path)}: has {len(array)} rows for {n_images} images; give one row for each image, in their order"
+        )
+    return array
+
+
 DESCRIPTORS = "descriptors"
 BESIDE = ("names", "positions", "stamps", "frame")
 """What may stand beside vectors, by its name."""
 _REMEDY = "write it with numpy.savez(file, descriptors=..., names=...)"
 
 
-def chosen(shapes: Mapping[str, tuple[int, ...]], path: Path, remedy: str) -> str:
-    """The name of the array that holds the vectors: `DESCRIPTORS`, or the only one (images, values) not in `BESIDE`.
+class StoredVectors(NamedTuple):
+    """What a file holds of vectors, as far as it was understood.
+
+    Attributes:
+        array: The vectors.
+        beside: What stands beside them, by its name (`BESIDE`).
+    """
+
+    array: NDArray[Any]
+    beside: Mapping[str, NDArray[Any]]
+
+
+def _stored(arrays: Mapping[str, NDArray[Any]], path: Path, remedy: str) -> StoredVectors:
+    """The vectors among the ``arrays`` of a file: `DESCRIPTORS`, or the only one (images, values) not in `BESIDE`.
 
     Args:
-        shapes: The shape of each array in the file.
+        arrays: All that the file holds, by name.
         path: The file, for messages.
         remedy: What a message tells to do.
     Raises:
-        InputError: there is none, or nothing says which it is.
+        InputError: there are none, or nothing says which they are.
     """
-    if DESCRIPTORS in shapes:
-        return DESCRIPTORS
-    found = [name for name, shape in shapes.items() if len(shape) == 2 and name not in BESIDE]
+    beside = {key: arrays[key] for key in BESIDE if key in arrays}
+    named = arrays.keys() & {DESCRIPTORS}
+    found = [*named] or [name for name, array in arrays.items() if array.ndim == 2 and name not in BESIDE]
     if len(found) == 1:
-        return found[0]
-    cause = f"{len(found)} arrays (images, values)" if found else f"no array (images, values) among {brief([*shapes])}"
+        return StoredVectors(arrays[found[0]], beside)
+    cause = f"{len(found)} arrays (images, values)" if found else f"no array (images, values) among {brief([*arrays])}"
     raise InputError(f"{shown(path)}: has {cause}; name the one with the vectors {DESCRIPTORS!r}, or {remedy}")
 
 
-def read_npz(path: Path) -> tuple[NDArray[Any], dict[str, NDArray[Any]]]:
+def read_npz(path: Path) -> StoredVectors:
     """The vectors in an archive that `numpy.savez` wrote, and what stands beside them (`BESIDE`).
 
     Raises:
@@ -150,9 +180,9 @@ def read_npz(path: Path) -> tuple[NDArray[Any], dict[str, NDArray[Any]]]:
     except ArchiveLimitError as error:
         raise InputError(f"{shown(path)}: {error}") from None
     except ARCHIVE_ERRORS as error:
-        raise InputError(f"{shown(path)}: is no sound .npz archive ({_cause(error)}); {_REMEDY}") from None
-    name = chosen({name: array.shape for name, array in arrays.items()}, path, _REMEDY)
-    return arrays[name], {key: arrays[key] for key in BESIDE if key in arrays}
+        cause = " ".join(str(error).split())[:120] or type(error).__name__
+        raise InputError(f"{shown(path)}: is no sound .npz archive ({cause}); {_REMEDY}") from None
+    return _stored(arrays, path, _REMEDY)
 
 
 def _arrays(archive: zipfile.ZipFile, packed: int, path: Path) -> dict[str, NDArray[Any]]:
@@ -169,27 +199,7 @@ def _arrays(archive: zipfile.ZipFile, packed: int, path: Path) -> dict[str, NDAr
     return arrays
 
 
-def _cause(error: Exception) -> str:
-    return " ".join(str(error).split())[:120] or type(error).__name__
-
-
 _LONGEST_NAME = 1024
-
-
-class StoredVectors(NamedTuple):
-    """What a file holds of vectors, as far as it was understood.
-
-    Attributes:
-        array: The vectors.
-        beside: What stands beside them, by its name: ``names``, ``positions``, ``stamps`` and ``frame``.
-    """
-
-    array: NDArray[Any]
-    beside: dict[str, NDArray[Any]]
-
-
-def _npy(path: Path) -> StoredVectors:
-    return StoredVectors(read_array(path, REMEDY), {})
 
 
 def _hdf5(path: Path) -> StoredVectors:
@@ -197,21 +207,14 @@ def _hdf5(path: Path) -> StoredVectors:
     from lava_vpr.storage import hdf5  # h5py takes a tenth of a second: who has no such file does not wait for it
 
     held = hdf5.read(path, "file of vectors", "array_bytes", "array_bytes")
-    arrays = {name: _array(value) for name, value in held.items() if not isinstance(value, dict)}
-    shapes = {name: array.shape for name, array in arrays.items()}
-    name = chosen(shapes, path, "write one matrix at the top of the file")
-    return StoredVectors(arrays[name], {key: arrays[key] for key in BESIDE if key in arrays})
-
-
-def _array(value: Any) -> NDArray[Any]:
-    """A dataset as an array; texts as such."""
-    array = np.asarray(value)
-    return array.astype(str) if array.dtype == object else array
+    arrays = {name: np.asarray(value) for name, value in held.items() if not isinstance(value, dict)}
+    texts = {name: array.astype(str) for name, array in arrays.items() if array.dtype == object}
+    return _stored(arrays | texts, path, "write one matrix at the top of the file")
 
 
 READERS: dict[str, Callable[[Path], StoredVectors]] = {
-    ".npy": _npy,
-    ".npz": lambda path: StoredVectors(*read_npz(path)),
+    ".npy": lambda path: StoredVectors(read_array(path, REMEDY), {}),
+    ".npz": read_npz,
     ".h5": _hdf5,
     ".hdf5": _hdf5,
 }

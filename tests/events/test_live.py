@@ -12,7 +12,7 @@ from support.common.eventfiles import EVENT, Made, made
 from support.common.imagefiles import refused
 
 from lava_vpr.events.camera import EventCamera, Sensor
-from lava_vpr.events.files import event_samples, is_event_stream
+from lava_vpr.events.files import EVENT_STREAM, event_samples
 from lava_vpr.events.stream import Events
 from lava_vpr.events.windows import Windows
 from lava_vpr.inputs.windows import EventsConfig
@@ -79,9 +79,9 @@ def test_a_stream_that_is_none_is_refused(source: str, data: bytes, words: str) 
 
 
 def test_names_of_streams() -> None:
-    assert is_event_stream("events:346x260")
-    assert not is_event_stream("events:346")
-    assert not is_event_stream("events")
+    assert EVENT_STREAM.fullmatch("events:346x260")
+    assert not EVENT_STREAM.fullmatch("events:346")
+    assert not EVENT_STREAM.fullmatch("events")
 
 
 QUIET = Sensor(mismatch=0.0, refractory_us=0, noise_hz=0.0, hot=0.0)

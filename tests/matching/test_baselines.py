@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +13,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from support.fuzz.changes import stored as npy
 
+from lava_vpr.backends.rivals import descriptor_similarities
 from lava_vpr.errors import InputError
 from lava_vpr.inputs.patches import hog, patch_normalised
 from lava_vpr.matching import baselines
-from lava_vpr.matching.baselines import cosine_similarities, descriptor_similarities, load_descriptors, sad_distances
+from lava_vpr.matching.baselines import cosine_similarities, sad_distances
 from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.matching.sequences import sequence_scores, sequence_truth
+from lava_vpr.vectors.files import load_descriptors
 
 
 def images(seed: int, n: int, side: int = 5) -> NDArray[np.uint8]:
@@ -154,62 +155,12 @@ def test_descriptors_are_compared_by_cosine(tmp_path: Path) -> None:
     references, queries = rng.normal(size=(6, 9)).astype(np.float16), rng.normal(size=(4, 9)).astype(np.float32)
     np.save(tmp_path / "r.npy", references)
     np.save(tmp_path / "q.npy", np.asfortranarray(queries))
-    found = descriptor_similarities(tmp_path / "r.npy", str(tmp_path / "q.npy"), n_references=6, n_queries=4)
+    found = descriptor_similarities(tmp_path / "r.npy", tmp_path / "q.npy", n_references=6, n_queries=4)
     expected = literal_cosine(references.astype(float), queries.astype(float), range(6))
     np.testing.assert_allclose(found, expected, atol=1e-12)
     labels = np.array([0, 0, 1, 1, 2, 2])
     grouped = descriptor_similarities(tmp_path / "r.npy", tmp_path / "q.npy", labels=labels)
     np.testing.assert_allclose(grouped, np.maximum(found[:, ::2], found[:, 1::2]))
-
-
-def npz() -> bytes:
-    stream = io.BytesIO()
-    np.savez(stream, a=np.ones((2, 2)))
-    return stream.getvalue()
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"", "is no array of numbers (it does not begin as numpy.save would write it); write it with"),
-        (b"name,x,y\n", "is no array of numbers (it does not begin as numpy.save would write it); write it with"),
-        (npz(), "is no array of numbers (it does not begin as numpy.save would write it); write it with"),
-        (npy(np.ones((4, 300)))[:-5], "its header says float64 (4, 300), but 9,595 bytes follow"),
-        (npy(np.ones((4, 3)))[:30], "is no array of numbers (it does not begin"),
-        (npy(np.ones((2, 3))).replace(b"(2, 3)", b"(2,9**)"), "is no array of numbers (it does not begin"),
-        (npy(np.ones((2, 3)) + 1j), "is no array of numbers (but of '<c16'"),
-        (npy(np.array([["a", "b"]])), "is no array of numbers (but of '<U1'"),
-        (npy(np.ones(5)), "has shape (5,), not (images, dimensions)"),
-        (npy(np.ones((2, 3, 4))), "has shape (2, 3, 4), not (images, dimensions)"),
-        (npy(np.ones((2, 0))), "has shape (2, 0), not (images, dimensions)"),
-        (npy(np.ones((3, 2))), "has 3 rows for 2 images; give one row for each image"),
-        (npy(np.array([[1.0, 2.0], [np.nan, 1.0]])), "row 1 holds NaN or infinite values"),
-        (npy(np.array([[np.inf, 2.0], [0.0, 1.0]])), "row 0 holds NaN or infinite values"),
-    ],
-)
-def test_files_without_descriptors_are_refused(tmp_path: Path, content: bytes, message: str) -> None:
-    path = tmp_path / "descriptors.npy"
-    path.write_bytes(content)
-    with pytest.raises(InputError) as error:
-        load_descriptors(path, 2)
-    assert str(error.value).startswith(f"{path}: ")
-    assert message in str(error.value)
-    assert "\n" not in str(error.value)
-
-
-def test_pickled_objects_are_never_loaded(tmp_path: Path) -> None:
-    np.save(tmp_path / "objects.npy", np.array([{"a": 1}, None], dtype=object), allow_pickle=True)
-    with pytest.raises(
-        InputError, match=r"objects\.npy: is no array of numbers \(but of pickled objects\); write it with numpy\.save"
-    ):
-        load_descriptors(tmp_path / "objects.npy")
-
-
-def test_missing_files_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.npy: cannot be read \(No such file or directory\); write it with"):
-        load_descriptors(tmp_path / "none.npy")
-    with pytest.raises(InputError, match="cannot be read"):
-        load_descriptors(tmp_path)
 
 
 @given(place=st.integers(0, 127), value=st.integers(0, 255))

@@ -14,12 +14,13 @@ import pytest
 from numpy.typing import NDArray
 from support.common.eventfiles import repacked
 from support.common.imagefiles import refused
+from support.fuzz.changes import stored as npy
 
 from lava_vpr.errors import InputError
 from lava_vpr.positions.frames import LAT_LON, XY
 from lava_vpr.traverse import open_traverse
 from lava_vpr.vectors import files as room
-from lava_vpr.vectors.files import read_npz, read_vectors
+from lava_vpr.vectors.files import load_descriptors, read_npz, read_vectors
 
 N, VALUES = 6, 5
 
@@ -103,6 +104,26 @@ def test_what_are_no_vectors_is_refused(tmp_path: Path, array: NDArray[Any], mes
         open_traverse(path)
     assert str(told.value).startswith(str(path))
     assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "is no array of numbers (it does not begin as numpy.save would write it); write it with"),
+        (b"name,x,y\n", "is no array of numbers (it does not begin as numpy.save would write it); write it with"),
+        (b"PK\3\4", "is no array of numbers (it does not begin as numpy.save would write it); write it with"),
+        (npy(np.ones((4, 300)))[:-5], "its header says float64 (4, 300), but 9,595 bytes follow"),
+        (npy(np.ones((4, 3)))[:30], "is no array of numbers (it does not begin"),
+        (npy(np.ones((2, 3))).replace(b"(2, 3)", b"(2,9**)"), "is no array of numbers (it does not begin"),
+        (npy(np.array([["a", "b"]])), "is no array of numbers (but of '<U1'"),
+        (npy(np.ones((3, 2))), "has 3 rows for 2 images; give one row for each image"),
+        (None, "cannot be read (No such file or directory); write it with numpy.save"),
+    ],
+)
+def test_descriptors_are_vectors_one_for_each_image(tmp_path: Path, content: bytes | None, message: str) -> None:
+    if content is not None:
+        (tmp_path / "v.npy").write_bytes(content)
+    refused(lambda: load_descriptors(tmp_path / "v.npy", 2), f"{tmp_path}/v.npy: ", message)
 
 
 def test_the_row_that_is_wrong_is_named_however_many_there_are(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,7 +22,7 @@ from lava_vpr import Localizer
 from lava_vpr.errors import InputError
 from lava_vpr.images import videos
 from lava_vpr.images.imagefiles import read_image
-from lava_vpr.images.videos import is_camera
+from lava_vpr.images.videos import CAMERA
 from lava_vpr.readers import Frame
 from lava_vpr.traverse import open_traverse
 from lava_vpr.watch.watching import watch
@@ -143,8 +143,8 @@ def test_what_is_live_is_no_traverse(source: str) -> None:
 
 
 def test_what_a_camera_is() -> None:
-    assert all(map(is_camera, ("camera:0", "/dev/video12", "rtsp://a", "rtsps://a")))
-    assert not any(map(is_camera, ("camera:", "camera:0/", "/dev/video", "camera.mp4", "http://a", "-")))
+    assert all(map(CAMERA.fullmatch, ("camera:0", "/dev/video12", "rtsp://a", "rtsps://a")))
+    assert not any(map(CAMERA.fullmatch, ("camera:", "camera:0/", "/dev/video", "camera.mp4", "http://a", "-")))
     assert cv2.CAP_V4L2
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import click
 
@@ -15,8 +15,6 @@ from lava_vpr.show.table import Table
 
 if TYPE_CHECKING:
     from lava_vpr.deploy.boards.plan import Plan
-
-F = TypeVar("F", bound=Callable[..., Any])
 
 target_option = click.option("--target", type=RegisteredName(BOARDS), required=True, help="Board to run on.")
 weight_bits_option = click.option(
