@@ -13,10 +13,9 @@ import tomli
 import tomli_w
 
 from lava_vpr.config import Config, preset
-from lava_vpr.errors import ConfigError, brief
+from lava_vpr.errors import ConfigError, brief, harmless, shown
 from lava_vpr.settings.ranges import CHANGE_IT, KINDS, declared, need, whole
 from lava_vpr.storage.reading import read_bytes
-from lava_vpr.storage.text import harmless, shown
 
 _LONGEST_LINE, _LONGEST_NAME = 1000, 60
 

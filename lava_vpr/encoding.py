@@ -15,21 +15,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import Config
+from lava_vpr.config import ConductanceNetwork, Config
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import draws
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.images.sampling import Sample
 from lava_vpr.inputs.encoder import INPUTS, THUMBNAIL, EncodedTraverse, EncoderConfig, Keep
 from lava_vpr.inputs.patches import HOG_VALUES, PATCH_SIDE, hog, patch_normalised
 from lava_vpr.inputs.vectors import Standard, picture_of
 from lava_vpr.inputs.views import STRAIGHT, View, seen_as
 from lava_vpr.readers import Found
-from lava_vpr.settings.conductance import ConductanceNetwork
-from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse
 from lava_vpr.vectors.files import checked_vectors
 

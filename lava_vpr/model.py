@@ -16,7 +16,7 @@ from lava_vpr.config import Config, IntegerConfig, as_integer_config, not_intege
 from lava_vpr.configfile import to_dict
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.errors import LavaVprError, ModelFileError
+from lava_vpr.errors import LavaVprError, ModelFileError, shown
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.matching import decoders
 from lava_vpr.matching.equations import assign
@@ -24,7 +24,6 @@ from lava_vpr.modelfile import LEARNED, STANDARD, checked, standard_of
 from lava_vpr.positions.frames import Positions
 from lava_vpr.storage import container
 from lava_vpr.storage.arrays import UnfitError, narrow
-from lava_vpr.storage.text import shown
 
 
 @dataclass(frozen=True)

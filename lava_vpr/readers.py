@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, printable, shown
 from lava_vpr.events.files import EVENT_STREAM, EVENT_SUFFIXES, event_samples, is_events, windows_of
 from lava_vpr.images.bags import BAG_SUFFIXES, bag_files, bag_samples, is_bag, split_topic
 from lava_vpr.images.files import IMAGE_SUFFIXES, LIST_SUFFIXES, VIDEO_SUFFIXES, folder_images, listed_images
@@ -27,7 +27,6 @@ from lava_vpr.images.videos import CAMERA, camera_samples, video_samples
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.positions.frames import stamps_of_names
 from lava_vpr.rows.registry import Registry
-from lava_vpr.storage.text import printable, shown
 from lava_vpr.vectors.files import VECTOR_SUFFIXES, Vectors, VectorSource, read_vectors
 
 EVENTS = EventsConfig()

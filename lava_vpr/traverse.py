@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, printable, shown
 from lava_vpr.images.files import IMAGE_SUFFIXES
 from lava_vpr.images.imagefiles import read_image
 from lava_vpr.images.sampling import chosen
@@ -27,7 +27,6 @@ from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.positions.frames import Positions, in_seconds, positions_of_names, stamp_of, stamps_of_names
 from lava_vpr.positions.track import MOST_GAP_S, PositionRequest, images_on, read_stamps, read_track
 from lava_vpr.readers import EVENTS, Found, found_vectors, open_source
-from lava_vpr.storage.text import printable, shown
 from lava_vpr.vectors.files import Vectors, VectorSource
 
 

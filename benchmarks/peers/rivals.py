@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from benchmarks.peers import vprtempo
 from lava_vpr.bench.measure.matchers import TimedMatcher, repeats
 from lava_vpr.bench.results import Peer
-from lava_vpr.config import Config, preset
+from lava_vpr.config import ConductanceNetwork, Config, preset
 from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.conductance.model import ConductanceState, initial_state
@@ -31,7 +31,6 @@ from lava_vpr.inputs.encoder import Keep
 from lava_vpr.isolated.child import run_child
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.model import Model
-from lava_vpr.settings.conductance import ConductanceNetwork
 from lava_vpr.traverse import Traverse
 
 PYTHON = "LAVA_VPR_PEERS"

@@ -28,11 +28,17 @@ from lava_vpr.deploy.bundle.core_files import scalars
 from lava_vpr.deploy.bundle.folder import MANIFEST, ReadBundle, json_bytes, sealed
 from lava_vpr.deploy.bundle.targets import FOLDER, TARGETS, program_files
 from lava_vpr.engine.inference.biases import bias_registers
-from lava_vpr.errors import BackendUnavailableError, BundleError, LavaRunError, LavaVprError, NetworkLimitError
+from lava_vpr.errors import (
+    BackendUnavailableError,
+    BundleError,
+    LavaRunError,
+    LavaVprError,
+    NetworkLimitError,
+    harmless,
+)
 from lava_vpr.isolated.child import run_child, started, waited
 from lava_vpr.storage.arrays import array_of
 from lava_vpr.storage.reading import parse_json, read_bytes
-from lava_vpr.storage.text import harmless
 from lava_vpr.storage.writing import temporary_folder
 
 LOOK = 0.05  # seconds between two looks at the program

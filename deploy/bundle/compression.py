@@ -14,10 +14,9 @@ from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.registers.synapses import lateral_synapse
 from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.errors import ConfigError, NetworkLimitError
+from lava_vpr.errors import ConfigError, NetworkLimitError, shown
 from lava_vpr.loihi import SIGNED_WEIGHT_LIMIT
 from lava_vpr.model import IntegerModel, Model, integer_model
-from lava_vpr.storage.text import shown
 from lava_vpr.training.measuring import remeasured, shown_references
 
 PURPOSE = "a board"

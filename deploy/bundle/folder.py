@@ -24,13 +24,12 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from lava_vpr.deploy.boards.board import BOARDS
-from lava_vpr.errors import BundleError, brief
+from lava_vpr.errors import BundleError, brief, shown
 from lava_vpr.interrupts import held
 from lava_vpr.settings.ranges import whole
 from lava_vpr.storage.arrays import Shape, array_of
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.reading import open_regular, parse_json, read_bytes
-from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import read_only, temporary_prefix
 
 FORMAT, VERSION = "lava-vpr bundle", 1

@@ -22,9 +22,8 @@ from lava_vpr.deploy.bundle.opening import open_whole
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.presentations import Trains
-from lava_vpr.errors import BackendUnavailableError, BundleError
+from lava_vpr.errors import BackendUnavailableError, BundleError, shown
 from lava_vpr.model import Model, checked_network, integer_model
-from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import temporary_folder
 
 BATCH = 16

@@ -25,12 +25,11 @@ from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, Keep, query_rates
 from lava_vpr.engine.adaptation import Adaptation
-from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.errors import ConfigError, InputError, shown
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching import baselines, decoders
 from lava_vpr.matching.answers import InBlocks
 from lava_vpr.model import IntegerModel, Model, as_integer
-from lava_vpr.storage.text import shown
 from lava_vpr.vectors.files import load_descriptors
 
 BASELINES = {

@@ -13,9 +13,8 @@ from lava_vpr.cli.common import PATH, Number, noun, stderr
 from lava_vpr.cli.nouns import WhereOptions, query_positions_options
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.datasets.selecting import Selection
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.model import Model
-from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse, open_traverse, ranges_of
 from lava_vpr.truth.alignment import (
     NEAR_M,

@@ -19,6 +19,7 @@ from rich.text import Text
 
 from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
+from lava_vpr.errors import harmless
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.views import STRAIGHT, View
 from lava_vpr.kernelcache import COMPILING, COMPILING_TEXT
@@ -26,7 +27,6 @@ from lava_vpr.matching.forward_filter import MOTIONS, NONE
 from lava_vpr.model import Model
 from lava_vpr.rows.registry import Registry
 from lava_vpr.settings.ranges import declared
-from lava_vpr.storage.text import harmless
 from lava_vpr.traverse import Traverse
 
 if TYPE_CHECKING:

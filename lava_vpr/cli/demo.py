@@ -27,13 +27,13 @@ from lava_vpr.cli.show.recall import recall_table, trust_tables
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.presentations import cores
+from lava_vpr.errors import shown
 from lava_vpr.events.camera import WRITTEN
 from lava_vpr.learning.route import Training
 from lava_vpr.recognition import Comparison, as_json, recognise
 from lava_vpr.report.build import report_data
 from lava_vpr.report.html import page
 from lava_vpr.show.page import write_page
-from lava_vpr.storage.text import shown
 from lava_vpr.synthetic.drives import EventDrive, write_drives
 from lava_vpr.synthetic.world import CONDITIONS, METRES_PER_S, World, write_traverses
 from lava_vpr.truth.alignment import aligned_truth

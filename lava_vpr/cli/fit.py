@@ -24,10 +24,10 @@ from lava_vpr.cli.show.results import show_results
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS, Board
+from lava_vpr.errors import shown
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.model import integer_model
 from lava_vpr.show.table import Table
-from lava_vpr.storage.text import shown
 
 if TYPE_CHECKING:
     from lava_vpr.deploy.bundle.compression import Changes

@@ -14,9 +14,8 @@ from typing import Any
 import click
 
 from lava_vpr import interrupts
-from lava_vpr.errors import LavaVprError, UsageError
+from lava_vpr.errors import LavaVprError, UsageError, harmless
 from lava_vpr.kernelcache import COMPILING, COMPILING_TEXT
-from lava_vpr.storage.text import harmless
 
 _SPACE = "free some space"
 _REMEDIES = {

@@ -12,9 +12,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, harmless, shown
 from lava_vpr.images.files import IMAGE_SUFFIXES
-from lava_vpr.storage.text import harmless, shown
 from lava_vpr.storage.writing import replaceable, write_atomically
 
 

@@ -42,14 +42,13 @@ from lava_vpr.cli.outputs import Outputs, text_writer, write_stdout
 from lava_vpr.cli.show.matches import MatchTable, Row, sentences
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.engine.presentations import cores
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.matches import matches_of
 from lava_vpr.matching.answers import Answers, Together, accepted, least_probability, sure
 from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.sequences import Pace
 from lava_vpr.model import Model
 from lava_vpr.recognition import Answered, answer_stream
-from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse, open_traverse
 
 STDOUT = Path("-")

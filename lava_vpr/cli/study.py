@@ -16,14 +16,13 @@ from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.cli.show.results import command_line, show_results
 from lava_vpr.config import PRESETS, Config
 from lava_vpr.encoding import Keep
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.experiments.task import Route
 from lava_vpr.inputs.views import STRAIGHT
 from lava_vpr.learning.references import encode_route
 from lava_vpr.learning.route import settings_of
 from lava_vpr.matching.evaluation import truth_from_indices
 from lava_vpr.show.table import Table
-from lava_vpr.storage.text import shown
 from lava_vpr.studies.registry import STUDIES
 from lava_vpr.studies.show.values import as_json, table
 from lava_vpr.studies.study import StudyRequest, planned, study_rows

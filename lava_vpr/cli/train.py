@@ -14,12 +14,12 @@ from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.config import PRESETS, Config, LifNetwork, StdpLearning
+from lava_vpr.errors import shown
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.learning.route import Training
 from lava_vpr.model import Model
-from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import only_one
 from lava_vpr.training.checkpoint import remove_checkpoint
 from lava_vpr.training.trainers import LEARNING

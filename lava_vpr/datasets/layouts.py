@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.rows.registry import Registry
-from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse
 
 

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from lava_vpr.datasets.layouts import Dataset, DatasetLayout, OpenedDataset, check_lengths, find_layout
-from lava_vpr.errors import InputError, UsageError
-from lava_vpr.storage.text import shown
+from lava_vpr.errors import InputError, UsageError, shown
 from lava_vpr.traverse import Traverse, open_traverse
 
 

@@ -21,11 +21,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from lava_vpr.errors import InputError, brief
+from lava_vpr.errors import InputError, brief, shown
 from lava_vpr.events.stream import BLOCK, EventRecording, Raw, check_size
 from lava_vpr.storage.limits import limit, within
 from lava_vpr.storage.reading import open_regular
-from lava_vpr.storage.text import shown
 
 AEDAT4_SUFFIXES = (".aedat4",)
 MAGIC = b"#!AER-DAT4.0\r\n"

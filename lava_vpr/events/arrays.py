@@ -21,7 +21,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError, brief
+from lava_vpr.errors import InputError, brief, shown
 from lava_vpr.events.stream import (
     BLOCK,
     EventRecording,
@@ -36,7 +36,6 @@ from lava_vpr.events.stream import (
 from lava_vpr.storage.arrays import ARCHIVE_ERRORS, entries_of
 from lava_vpr.storage.limits import limit, within
 from lava_vpr.storage.reading import open_regular
-from lava_vpr.storage.text import shown
 
 HDF5_SUFFIXES = (".h5", ".hdf5")
 _TABLES = ("CD/events", "events", "EXT_CD/events")

@@ -15,14 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.events.aedat4 import AEDAT4_SUFFIXES, EVENT, open_aedat4
 from lava_vpr.events.arrays import HDF5_SUFFIXES, NPZ_SUFFIXES, hdf5, holds, npz, open_arrays
 from lava_vpr.events.stream import EventRecording, Raw, check_size, checked
 from lava_vpr.events.windows import Windows, hot_pixels
 from lava_vpr.images.sampling import Sample
 from lava_vpr.inputs.windows import EventsConfig
-from lava_vpr.storage.text import shown
 
 _NOTES = logging.getLogger("lava_vpr")
 

@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.storage.limits import within
-from lava_vpr.storage.text import shown
 
 BLOCK = 1 << 18
 """Events that are read at a time; so much of a recording is in memory."""

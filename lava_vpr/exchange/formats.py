@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.exchange.drawn import Drawn, UnfitNetwork
 from lava_vpr.model import IntegerModel
 from lava_vpr.rows.registry import Registry
-from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import write_atomically
 
 TIME_STEP = 1e-4

@@ -12,12 +12,11 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import integer_config
 from lava_vpr.configfile import from_dict, to_dict, update
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.errors import InputError, LavaVprError, ModelFileError
+from lava_vpr.errors import InputError, LavaVprError, ModelFileError, shown
 from lava_vpr.exchange.drawn import Drawn, digest, whole
 from lava_vpr.exchange.formats import TIME_STEP, FormatRow
 from lava_vpr.model import IntegerModel, Model, assemble, integer_model
 from lava_vpr.storage import container
-from lava_vpr.storage.text import shown
 from lava_vpr.training.measuring import calibrated, remeasured
 
 

@@ -17,9 +17,8 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from lava_vpr.cluster.connection import that_compute
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.storage.reading import parse_json, read_bytes
-from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import write_atomically
 
 T = TypeVar("T")

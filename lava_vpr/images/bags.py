@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.images.imagefiles import MIN_SIDE, decode_image
 from lava_vpr.images.sampling import Sample
 from lava_vpr.storage.limits import within
-from lava_vpr.storage.text import shown
 
 BAG_SUFFIXES = (".bag", ".db3", ".mcap")
 _RAW, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"

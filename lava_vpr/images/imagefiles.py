@@ -25,12 +25,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.images.files import IMAGE_SUFFIXES, natural_key
 from lava_vpr.images.formats import orientation_of, walk
 from lava_vpr.images.windows import DamagedError
 from lava_vpr.storage.reading import read_bytes
-from lava_vpr.storage.text import shown
 
 _lock = threading.Lock()
 # What libpng, libjpeg and ffmpeg print; anything else that was caught belongs to another thread and is passed on.

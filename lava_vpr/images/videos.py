@@ -16,14 +16,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.images.containers import examine
 from lava_vpr.images.imagefiles import quiet
 from lava_vpr.images.sampling import Sample
 from lava_vpr.images.windows import DamagedError, Film
 from lava_vpr.storage.limits import within
 from lava_vpr.storage.reading import open_regular
-from lava_vpr.storage.text import shown
 
 
 @contextlib.contextmanager

@@ -14,12 +14,11 @@ from lava_vpr.backends.asking import open_model
 from lava_vpr.config import Config
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views, image_traverse
-from lava_vpr.errors import InputError, UsageError
+from lava_vpr.errors import InputError, UsageError, shown
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import XY, Positions, placed
 from lava_vpr.slayer.front_end import learned_filters
-from lava_vpr.storage.text import shown
 from lava_vpr.training.preparing import fitted, in_words, settings_for, standard_like
 from lava_vpr.training.stretches import UNSEEN, Monitor
 from lava_vpr.traverse import Traverse, located, vector_traverse

@@ -23,13 +23,12 @@ from lava_vpr.config import Config, for_events
 from lava_vpr.configfile import read_toml, update
 from lava_vpr.datasets.selecting import Benchmark, Selection
 from lava_vpr.engine.presentations import cores
-from lava_vpr.errors import InputError, UsageError
+from lava_vpr.errors import InputError, UsageError, shown
 from lava_vpr.events.files import is_recording
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.learning.references import Images, Places, each, encode_route, in_memory, located_each
 from lava_vpr.model import Model
 from lava_vpr.positions.track import MOST_GAP_S
-from lava_vpr.storage.text import shown
 from lava_vpr.training.checkpoint import check_resume, remove_checkpoint
 from lava_vpr.training.loop import check_size
 from lava_vpr.training.loop import train as train_encoded

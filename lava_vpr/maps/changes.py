@@ -17,12 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays
-from lava_vpr.errors import ConfigError, InputError, ModelFileError, brief
+from lava_vpr.errors import ConfigError, InputError, ModelFileError, brief, shown
 from lava_vpr.matching.equations import assign
 from lava_vpr.model import IntegerModel, Model, Stretch, as_integer, integer_model
 from lava_vpr.positions import frames
 from lava_vpr.positions.frames import XY, Positions, placed
-from lava_vpr.storage.text import shown
 from lava_vpr.training.loop import LearnedRoute, check_size, check_whole, in_one, joined, learned_weights
 from lava_vpr.training.measuring import references_of
 from lava_vpr.training.preparing import check_encoded_references

@@ -16,7 +16,7 @@ from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import Keep, encode_traverse
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.experiments.cache import FigureCache, content_key
 from lava_vpr.experiments.grid import Figures
 from lava_vpr.experiments.task import judged_scores
@@ -28,10 +28,8 @@ from lava_vpr.model import decode
 from lava_vpr.paper_table.methods import DESCRIPTORS, of_network
 from lava_vpr.recognition import Comparison, recognise
 from lava_vpr.storage.reading import open_regular
-from lava_vpr.storage.text import shown
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import Traverse
-from lava_vpr.vectors.files import load_descriptors
 
 FIGURES = ("released", "recall_at_100_precision", "recall_at_1", "auc")
 """The figures of a method on a section, fractions in 0..1: R@100P as the paper's released code counts it (`evaluate`,

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from lava_vpr.config import EncoderConfig
 from lava_vpr.datasets.layouts import DATASETS, Dataset, check_lengths, find_layout
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.paper_table.methods import DESCRIPTORS
 from lava_vpr.paper_table.sections import SectionTask
-from lava_vpr.storage.text import shown
 from lava_vpr.training.preparing import choose_places
 from lava_vpr.traverse import Traverse, located, open_traverse
 from lava_vpr.vectors.files import load_descriptors

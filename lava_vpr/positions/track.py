@@ -17,7 +17,7 @@ import numpy as np
 from gpxpy.gpx import GPX, GPXException, GPXRoutePoint, GPXTrack, GPXTrackPoint, GPXTrackSegment, GPXWaypoint
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError, brief
+from lava_vpr.errors import InputError, brief, shown
 from lava_vpr.positions.frames import (
     LAT_LON,
     XY,
@@ -31,7 +31,6 @@ from lava_vpr.positions.frames import (
 )
 from lava_vpr.storage.limits import within
 from lava_vpr.storage.tables import csv_rows, file_text
-from lava_vpr.storage.text import shown
 
 _PAIRS = {
     ("x", "y"): XY,

@@ -1,1 +1,1 @@
-"""What settings share: ranges of values; settings of the network that is there to compare with."""
+"""What settings share: ranges of values, declared by annotations."""

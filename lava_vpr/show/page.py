@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lava_vpr import __version__
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.show.table import Table, in_html
 from lava_vpr.show.templates import render, safe, text
-from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import write_atomically
 
 ALONE = "One file, no network needed."

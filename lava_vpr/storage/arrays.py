@@ -27,10 +27,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from lava_vpr.errors import InputError, brief
+from lava_vpr.errors import InputError, brief, shown
 from lava_vpr.storage.limits import unpacking
 from lava_vpr.storage.reading import read_bytes
-from lava_vpr.storage.text import shown
 
 
 class UnfitError(ValueError):

@@ -22,11 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import ModelFileError
+from lava_vpr.errors import ModelFileError, shown
 from lava_vpr.storage.arrays import ARCHIVE_ERRORS, ArchiveLimitError, array_of, check_budget, entries_of, unpacked
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.reading import parse_json, read_bytes
-from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import write_atomically
 
 _LEVEL = 3

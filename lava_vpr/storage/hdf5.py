@@ -15,11 +15,10 @@ from typing import Any
 import h5py
 import numpy as np
 
-from lava_vpr.errors import InputError, brief
+from lava_vpr.errors import InputError, brief, shown
 from lava_vpr.interrupts import stoppable
 from lava_vpr.storage.limits import excess, limit, unpacking
 from lava_vpr.storage.reading import read_bytes
-from lava_vpr.storage.text import shown
 
 _DEPTH, _OBJECTS = 8, 10_000
 _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32, h5py.h5z.FILTER_LZF)

@@ -9,10 +9,9 @@ import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.storage.limits import within
 from lava_vpr.storage.reading import read_bytes
-from lava_vpr.storage.text import shown
 
 _LINE_END = re.compile("\r\n|\n|\r")  # str.splitlines ends lines at ten more characters, which a file name may hold
 _QUOTED = re.compile('"[^"]*"')

@@ -19,9 +19,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from lava_vpr.errors import LavaRunError, ModelFileError
+from lava_vpr.errors import LavaRunError, ModelFileError, shown
 from lava_vpr.interrupts import held
-from lava_vpr.storage.text import shown
 
 
 def read_only(path: Path) -> bool:

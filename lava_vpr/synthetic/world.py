@@ -21,11 +21,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.errors import ConfigError, InputError, shown
 from lava_vpr.interrupts import held
 from lava_vpr.positions.frames import LAT_LON, Positions, shown_stamp, utm_frame
 from lava_vpr.positions.track import gpx_text
-from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import read_only, temporary_prefix
 from lava_vpr.synthetic.drawing import Camera, Painter, draw_backdrop, draw_land
 from lava_vpr.synthetic.scene import LOOKS, OCCLUDER, SKY, SURVEY, VIEW, WEATHER, ahead, generator, route

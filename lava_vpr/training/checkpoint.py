@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from lava_vpr.config import Config
 from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.errors import ModelFileError, brief
+from lava_vpr.errors import ModelFileError, brief, shown
 from lava_vpr.model import Stretch
 from lava_vpr.modelfile import count
 from lava_vpr.storage import container
 from lava_vpr.storage.arrays import UnexpectedError, UnfitError
-from lava_vpr.storage.text import shown
 from lava_vpr.storage.writing import leftovers
 from lava_vpr.training.trainers import StretchTrainer, restore
 

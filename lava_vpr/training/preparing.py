@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from lava_vpr.config import Config, StdpLearning, preset
 from lava_vpr.encoding import activity_of, check_seen
 from lava_vpr.engine.random import presentation_key, uniform
-from lava_vpr.errors import ConfigError, InputError, brief
+from lava_vpr.errors import ConfigError, InputError, brief, shown
 from lava_vpr.images.sampling import changed, spaced
 from lava_vpr.inputs.encoder import INPUTS, EncodedTraverse, EncoderConfig, check_encoded
 from lava_vpr.inputs.vectors import Standard, width_for
@@ -26,7 +26,6 @@ from lava_vpr.modelfile import MOST_COUNT, check_names
 from lava_vpr.positions.frames import Positions
 from lava_vpr.settings.ranges import whole
 from lava_vpr.storage.arrays import UnfitError
-from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse
 from lava_vpr.truth.alignment import NEAR_M
 

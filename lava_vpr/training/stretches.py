@@ -25,8 +25,8 @@ from lava_vpr.config import Config, as_integer_config
 from lava_vpr.encoding import EncodedTraverse, training_rates
 from lava_vpr.engine.learning.recruiting import key_again, recruit, rounds
 from lava_vpr.engine.random import image_keys, presentation_key, stretch_key
+from lava_vpr.errors import shown
 from lava_vpr.model import Stretch
-from lava_vpr.storage.text import shown
 from lava_vpr.training.checkpoint import Checkpoint
 from lava_vpr.training.measuring import coverage
 from lava_vpr.training.trainers import StretchTrainer, restore, rule_of

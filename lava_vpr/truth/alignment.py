@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError, brief
+from lava_vpr.errors import InputError, brief, shown
 from lava_vpr.matching.evaluation import truth_from_indices, truth_from_positions
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import Positions, distances
@@ -22,7 +22,6 @@ from lava_vpr.positions.track import read_track, rows_of
 from lava_vpr.storage.arrays import read_array
 from lava_vpr.storage.reading import parse_json
 from lava_vpr.storage.tables import file_text, text_lines
-from lava_vpr.storage.text import shown
 from lava_vpr.traverse import Traverse
 
 

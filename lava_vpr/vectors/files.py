@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError, brief
+from lava_vpr.errors import InputError, brief, shown
 from lava_vpr.inputs.vectors import LARGEST_VALUE
 from lava_vpr.positions.frames import XY, Positions
 from lava_vpr.storage.arrays import (
@@ -28,7 +28,6 @@ from lava_vpr.storage.arrays import (
     unpacked,
 )
 from lava_vpr.storage.reading import open_regular
-from lava_vpr.storage.text import shown
 
 REMEDY = "give one row of finite numbers for each image, as float32 (images, values)"
 _BLOCK = 1 << 22

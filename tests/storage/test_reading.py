@@ -20,12 +20,11 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import NDArray
 from support.fuzz.changes import stored as npy
 
-from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.errors import ConfigError, InputError, harmless, shown
 from lava_vpr.storage.arrays import array_of, read_array
 from lava_vpr.storage.limits import LIMITS, excess, limit, variable
 from lava_vpr.storage.reading import parse_json, read_bytes
 from lava_vpr.storage.tables import csv_line, csv_rows
-from lava_vpr.storage.text import harmless, shown
 
 
 def test_reading_takes_what_the_file_holds_not_what_the_limit_allows(tmp_path: Path) -> None:

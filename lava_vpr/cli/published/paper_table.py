@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,29 +15,15 @@ from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.results import Files, command_line, show_results
 from lava_vpr.config import StdpLearning
 from lava_vpr.datasets.layouts import DATASETS
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, shown
 from lava_vpr.paper_table import run
 from lava_vpr.paper_table.methods import NETWORKS
 from lava_vpr.paper_table.show.tables import RULES, as_csv, as_json, markdown, tables
 from lava_vpr.paper_table.sources import Source, official, stand_in
 from lava_vpr.show.table import Table
-from lava_vpr.storage.text import shown
 
-
-@dataclass(frozen=True)
-class NamedPaths:
-    """Files or folders of a dataset; as text, without their folders.
-
-    Attributes:
-        name: Name of the dataset.
-        paths: The files or folders, in order.
-    """
-
-    name: str
-    paths: tuple[Path, ...]
-
-    def __str__(self) -> str:
-        return f"{self.name}={','.join(path.name for path in self.paths)}"
+NamedPaths = tuple[str, tuple[Path, ...]]
+"""The name of a dataset, and files or folders of it in order."""
 
 
 def named_paths(form: str, count: int = 0) -> Parsed:
@@ -58,9 +43,9 @@ def named_paths(form: str, count: int = 0) -> Parsed:
             raise ValueError(f"there is no dataset {name!r}; choose from {', '.join(DATASETS.names())}")
         if count and len(paths) != count:
             raise ValueError(f"{text!r} names {len(paths)} files; it is of the form {form}")
-        return NamedPaths(name, tuple(map(Path, paths)))
+        return name, tuple(map(Path, paths))
 
-    return Parsed(form, parse)
+    return Parsed(form, parse, lambda named: f"{named[0]}={','.join(path.name for path in named[1])}")
 
 
 @click.command("paper-table")
@@ -174,8 +159,8 @@ def _wanted(
     Raises:
         LavaVprError: an output, or an input, that cannot be used.
     """
-    given = [path for some in (*positions, *descriptors) for path in some.paths]
-    images = [str(path) for some in (*folders, *traverses) for path in some.paths]
+    given = [path for _, paths in (*positions, *descriptors) for path in paths]
+    images = [str(path) for _, paths in (*folders, *traverses) for path in paths]
     outputs = Outputs(files, made=(page,), read=given, images=images)
     if keep is not None and keep.exists() and not keep.is_dir():
         raise InputError(f"{shown(keep)}: is a file; name a folder with --keep")
@@ -194,10 +179,10 @@ def _once(given: Sequence[NamedPaths], option: str) -> dict[str, tuple[Path, ...
         UsageError: a dataset is named twice.
     """
     found: dict[str, tuple[Path, ...]] = {}
-    for one in given:
-        if one.name in found:
-            raise click.UsageError(f"{option} names {one.name} twice; give it once")
-        found[one.name] = one.paths
+    for name, paths in given:
+        if name in found:
+            raise click.UsageError(f"{option} names {name} twice; give it once")
+        found[name] = paths
     return found
 
 

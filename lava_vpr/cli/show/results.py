@@ -11,9 +11,9 @@ import click
 
 from lava_vpr.cli.common import Parsed, console, print_whole, stage
 from lava_vpr.cli.outputs import write_json, write_text
+from lava_vpr.errors import shown
 from lava_vpr.show.page import write_page
 from lava_vpr.show.table import Table
-from lava_vpr.storage.text import shown
 
 Files = Mapping[Path | None, str | dict[str, Any]]
 """Text, or JSON values, by the file to write; those of None are not wanted."""
@@ -55,8 +55,8 @@ def command_line(ctx: click.Context) -> str:
         value = ctx.params.get(param.name or "")
         if value is None or value == () or value == param.default or param.name in SILENT:
             continue
-        if isinstance(param.type, Parsed) and not param.multiple:
-            value = param.type.written(value)
+        if isinstance(param.type, Parsed):
+            value = tuple(map(param.type.written, value)) if param.multiple else param.type.written(value)
         values = value if isinstance(value, tuple) else (value,)
         sources = ("query", "references", "stamps")
         shown = [Path(v).name if isinstance(v, Path) or param.name in sources else str(v) for v in values]
