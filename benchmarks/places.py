@@ -57,15 +57,10 @@ def required(*datasets: str) -> None:
         raise SystemExit(f"error: {error}") from None
 
 
-def folder(season: str) -> Path:
-    """The images of one season of Nordland (reference summer, query winter); errors as `images_of`."""
-    return images_of("nordland", season)
-
-
 @lru_cache(maxsize=8)
 def encoded(season: str, encoder: EncoderConfig) -> EncodedTraverse:
-    """All 500 images of a season."""
-    return encode_traverse(open_traverse(folder(season)), encoder, Keep.ALL)
+    """All 500 images of a season of Nordland: references are summer, queries winter."""
+    return encode_traverse(open_traverse(images_of("nordland", season)), encoder, Keep.ALL)
 
 
 def learn(places: tuple[int, int], config: Config) -> Model:

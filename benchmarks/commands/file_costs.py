@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -34,6 +33,7 @@ from lava_vpr.model import Model
 from lava_vpr.positions.frames import LAT_LON, Positions
 from lava_vpr.positions.track import gpx_text
 from lava_vpr.storage.limits import limit
+from lava_vpr.storage.writing import temporary_folder
 from lava_vpr.training.loop import split
 
 IMAGE = "image.png"
@@ -204,8 +204,7 @@ def main(only: Sequence[str]) -> Printed:
     for name, case in cases().items():
         if only and name not in only:
             continue
-        with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
-            place = Path(folder)
+        with temporary_folder() as place:
             cv2.imwrite(str(place / IMAGE), np.random.default_rng(0).integers(0, 256, (64, 96), np.uint8))
             case.make(place)
             size = sum(file.stat().st_size for file in place.rglob("*") if file.is_file())

@@ -11,7 +11,6 @@ extended map.
 from __future__ import annotations
 
 import json
-import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,6 +24,7 @@ from lava_vpr import maps, model
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import Keep, encode_views
 from lava_vpr.engine.presentations import cores
+from lava_vpr.storage.writing import temporary_folder
 from lava_vpr.traverse import open_traverse
 
 FIRST, NEW = 500, 10
@@ -92,8 +92,7 @@ def stayed(place: Path) -> Printed:
 def main(seeds: Sequence[int]) -> Printed:
     """A map of 500 places extended by 10."""
     for seed in seeds:
-        with tempfile.TemporaryDirectory() as name:
-            place = Path(name)
+        with temporary_folder() as place:
             runs = {what: lava_vpr(place, *words) for what, words in commands(place, seed).items()}
             rows = [[what, f"{run.seconds:.1f}", f"{run.used:.1f}"] for what, run in runs.items()]
             yield BenchmarkTable(["", "s", "processor s"], rows, title=f"Nordland, seed {seed}")

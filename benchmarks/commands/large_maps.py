@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -20,6 +19,7 @@ import click
 
 from benchmarks.commands.running import lava_vpr
 from benchmarks.program import BenchmarkTable, Printed, program
+from lava_vpr.storage.writing import temporary_folder
 from lava_vpr.synthetic import write_traverses
 
 QUERIES = 20
@@ -63,8 +63,7 @@ def row(place: Path, what: str, places: int, words: Sequence[object], base: floa
 @click.option("--eval", "many", type=int, default=3000, show_default=True, help="Queries to evaluate; 0: none.")
 def main(sizes: Sequence[int], deployed: int, many: int) -> Printed:
     """Time and memory of maps of many places."""
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder)
+    with temporary_folder() as place:
         write_traverses(place / "world", max(*sizes, deployed), 0)
         (place / "asked").mkdir()
         for k in range(QUERIES):

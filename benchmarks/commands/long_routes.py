@@ -14,7 +14,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -25,6 +24,7 @@ import psutil
 
 from benchmarks.commands.running import CommandRun, lava_vpr
 from benchmarks.program import BenchmarkTable, Printed, program
+from lava_vpr.storage.writing import temporary_folder
 from lava_vpr.synthetic import write_traverses
 
 DASK = str(Path(sys.executable).with_name("dask"))
@@ -106,8 +106,7 @@ def alone(place: Path, places: int, queries: int) -> list[list[str]]:
 def main(sizes: Sequence[int], compared: Sequence[int], queries: int, workers: int) -> Printed:
     """What long routes take at a cluster."""
     rows = []
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder)
+    with temporary_folder() as place:
         write_traverses(place / "world", max(sizes), 0)
         for places in sizes:
             rows += at_cluster(place, places, queries, workers)

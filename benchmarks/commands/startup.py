@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from functools import partial
 from pathlib import Path
 
@@ -19,15 +18,19 @@ import click
 import numpy as np
 
 from benchmarks.commands.running import PROGRAM, command_run, lava_vpr
-from benchmarks.places import folder
+from benchmarks.places import images_of
 from benchmarks.program import BenchmarkTable, Printed, program, turns
+from lava_vpr.storage.writing import temporary_folder
 
 PYTHON = (sys.executable, "-c")
 
 
 def commands(place: Path) -> dict[str, tuple[object, ...]]:
     """What is measured, by its name: what a query imports of others, then whole commands; models are made first."""
-    summer, image = folder("summer").absolute(), min(folder("winter").absolute().iterdir())
+    summer, image = (
+        images_of("nordland", "summer").absolute(),
+        min(images_of("nordland", "winter").absolute().iterdir()),
+    )
     every: dict[str, tuple[object, ...]] = {
         "python, nothing else": (*PYTHON, "pass"),
         "import numpy": (*PYTHON, "import numpy"),
@@ -46,8 +49,7 @@ def commands(place: Path) -> dict[str, tuple[object, ...]]:
 @click.option("--rounds", default=7, show_default=True, help="Turns of each command.")
 def main(rounds: int) -> Printed:
     """Measure all commands in turns."""
-    with tempfile.TemporaryDirectory() as name:
-        place = Path(name)
+    with temporary_folder() as place:
         taken = turns({what: partial(command_run, place, *words) for what, words in commands(place).items()}, rounds)
     medians = {what: np.median(np.array(runs), axis=0) for what, runs in taken.items()}
     rows = [[what, f"{used:.2f}", f"{seconds:.2f}"] for what, (seconds, used, _) in medians.items()]

@@ -15,7 +15,7 @@ from functools import partial
 import click
 import numpy as np
 
-from benchmarks.places import SECTIONS, encoded, folder, learn
+from benchmarks.places import SECTIONS, encoded, images_of, learn
 from benchmarks.program import BenchmarkTable, Printed, program, turns
 from benchmarks.results.rows import ResultRow, measure
 from benchmarks.results.tables import FIVE
@@ -58,7 +58,7 @@ def asked(name: str) -> tuple[QuerySet, Modelled]:
 
 def timed(queries: Mapping[str, QuerySet]) -> dict[str, Callable[[], float]]:
     """What is timed on the processor, medians of single queries in ms; matchers take the first."""
-    first, images = queries[INTEGER[0]], open_traverse(folder("winter"), places=SECTIONS[0])
+    first, images = queries[INTEGER[0]], open_traverse(images_of("nordland", "winter"), places=SECTIONS[0])
     made: dict[str, Callable[[], float]] = {
         "encoding": lambda: float(np.median(measure_encoding(images, preset(INTEGER[0])).milliseconds)),
         "descriptors": lambda: float(np.median(each_image(images, hog))),

@@ -6,7 +6,6 @@ python -m benchmarks events.synthetic --choose        windows and images compare
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -21,6 +20,7 @@ from lava_vpr.events.camera import write_events
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.positions.frames import XY, Positions
 from lava_vpr.recognition import Comparison
+from lava_vpr.storage.writing import temporary_folder
 from lava_vpr.synthetic.drives import EventDrive
 from lava_vpr.synthetic.world import World
 from lava_vpr.traverse import Traverse, open_traverse
@@ -103,6 +103,5 @@ def figures(folder: Path) -> BenchmarkTable:
 @click.option("--choose", is_flag=True, help="Windows and images compared on world 7.")
 def main(choose: bool) -> Printed:
     """Drives in other conditions and at other speeds, recognised on one learned in summer at 10 m/s."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary_folder() as folder:
         yield from chosen(folder) if choose else [figures(folder)]

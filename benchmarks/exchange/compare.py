@@ -11,7 +11,6 @@ same one without leak and without memory, must be equal in every spike. Fails wh
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -32,6 +31,7 @@ from lava_vpr.exchange.formats import TIME_STEP
 from lava_vpr.exchange.nir_writing import graph_of
 from lava_vpr.loihi import DECAY_UNITY
 from lava_vpr.model import IntegerModel, Model, decode, integer_model
+from lava_vpr.storage.writing import temporary_folder
 
 PYTHON = python_of("torch")
 WORKER = Path(__file__).with_name("in_snntorch.py")
@@ -94,8 +94,8 @@ def case_spikes(chosen: list[ExchangeCase], queries: int) -> list[CaseSpikes]:
     Raises:
         InputError: the environment is missing, or snnTorch fails in it.
     """
-    with tempfile.TemporaryDirectory() as name:
-        folder, shown = Path(name), []
+    with temporary_folder() as folder:
+        shown = []
         for number, case in enumerate(chosen):
             images = np.linspace(0, case.model.places - 1, queries).astype(np.int64)
             trains = HostBackend().trains(

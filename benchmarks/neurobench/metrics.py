@@ -10,7 +10,6 @@ equal: counts exactly, fractions to the digits that the package rounds to.
 from __future__ import annotations
 
 import json
-import tempfile
 from pathlib import Path
 
 import click
@@ -31,6 +30,7 @@ from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import BackendUnavailableError, LavaRunError
 from lava_vpr.model import integer_model
 from lava_vpr.show.table import Table
+from lava_vpr.storage.writing import temporary_folder
 
 PYTHON, PROGRAM = python_of("torch"), Path(__file__).with_name("package.py")
 NUMBERS = ("threshold", "decay", "inhibition", "inhibition_exponent")
@@ -61,8 +61,8 @@ def compare(network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.u
         raise BackendUnavailableError("neurobench is given networks without compartments of inputs, and without leaves")
     trains = trains_of(network, rates, keys)
     ours = of_trains(network, trains, rates, keys)
-    with tempfile.TemporaryDirectory(prefix="lava-vpr-") as folder:
-        problem = Path(folder) / "problem.npz"
+    with temporary_folder() as folder:
+        problem = folder / "problem.npz"
         numbers = {name: np.int64(getattr(network, name)) for name in NUMBERS}
         np.savez(problem, weights=network.weights, bias=network.bias, spikes=trains.inputs, **numbers)
         ended = run_elsewhere("neurobench", PYTHON, "neurobench", PROGRAM, problem, seconds=1200)

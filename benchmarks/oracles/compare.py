@@ -11,7 +11,6 @@ gives exactly what the simulator says; a network without such rules is a failure
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +25,7 @@ from benchmarks.oracles.rules import RULES, explain, literal
 from benchmarks.places import required
 from benchmarks.program import Printed, program, verdict
 from lava_vpr.show.table import Table
+from lava_vpr.storage.writing import temporary_folder
 
 SCRIPTS = {name: Path(__file__).with_name(f"in_{name.replace('-', '_')}.py") for name in RULES}
 TIMEOUT_S = 1200
@@ -63,8 +63,7 @@ def ask(simulator: str, problems: Sequence[Problem], timeout_s: float = TIMEOUT_
     Raises:
         InputError: it is not installed, fails, or takes too long.
     """
-    with tempfile.TemporaryDirectory(prefix="oracle-") as name:
-        folder = Path(name)
+    with temporary_folder() as folder:
         for i, problem in enumerate(problems):
             write_problem(folder / f"{i:04d}.problem.npz", problem)
         python = python_of(simulator)

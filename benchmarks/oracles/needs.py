@@ -12,7 +12,6 @@ write one each.
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -36,6 +35,7 @@ from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import WEIGHT_BITS, WORD_BITS
 from lava_vpr.model import integer_model
 from lava_vpr.show.table import Table
+from lava_vpr.storage.writing import temporary_folder
 from lava_vpr.training.measuring import expected_rates
 
 PYTHON = python_of("nengo-loihi")
@@ -111,11 +111,11 @@ def ask(problems: list[dict[str, Any]]) -> list[dict[str, Any]]:
     Raises:
         InputError: its environment is missing, or it failed.
     """
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         for number, arrays in enumerate(problems):
-            np.savez(Path(folder) / f"{number:05d}.core.npz", **arrays)
+            np.savez(folder / f"{number:05d}.core.npz", **arrays)
         run_elsewhere("nengo-loihi", PYTHON, "oracles", SCRIPT, folder, seconds=1200)
-        return [json.loads(path.read_text()) for path in sorted(Path(folder).glob("*.needs.json"))]
+        return [json.loads(path.read_text()) for path in sorted(folder.glob("*.needs.json"))]
 
 
 def differences(core: CorePlan, image: CoreImage, theirs: dict[str, Any]) -> list[str]:

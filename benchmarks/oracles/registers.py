@@ -11,7 +11,6 @@ host's, and every counter hold 128 a spike. Clearing, injection and read-out by 
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -39,6 +38,7 @@ from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import InputError
 from lava_vpr.model import integer_model
 from lava_vpr.show.table import Table
+from lava_vpr.storage.writing import temporary_folder
 
 SCRIPT = Path(__file__).with_name("registers_in_nengo_loihi.py")
 SMALL_CORES = replace(KAPOHO_BAY, compartments=9, cores=2)
@@ -145,8 +145,7 @@ def emulated(bundle: Path, spikes: NDArray[np.bool_]) -> dict[str, NDArray[np.in
     Raises:
         InputError: its environment is missing, or it failed.
     """
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary_folder() as folder:
         (folder / "bundle").symlink_to(bundle.resolve())
         np.save(folder / "spikes.npy", spikes)
         run_elsewhere("nengo-loihi", PYTHON, "oracles", SCRIPT, folder)
@@ -175,10 +174,10 @@ def main(bundles: Sequence[Path], presentations: int, real: bool) -> Printed:
     if real and not bundles:
         required("nordland")
     failed, rows = list[str](), list[list[str]]()
-    with tempfile.TemporaryDirectory() as name:
+    with temporary_folder() as folder:
         cases = [bundle_case(path, presentations) for path in bundles]
-        made = () if bundles else made_up_cases(Path(name), presentations)
-        learned = real_cases(Path(name), presentations) if real and not bundles else ()
+        made = () if bundles else made_up_cases(folder, presentations)
+        learned = real_cases(folder, presentations) if real and not bundles else ()
         for case in chain(cases, made, learned):
             result = compared(case)
             if result.spikes == 0 or result.differ or result.counters_differ:

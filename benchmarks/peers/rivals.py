@@ -11,7 +11,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +30,7 @@ from lava_vpr.inputs.encoder import Keep
 from lava_vpr.isolated.child import run_child
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.model import Model
+from lava_vpr.storage.writing import temporary_folder
 from lava_vpr.traverse import Traverse
 
 PYTHON = "LAVA_VPR_PEERS"
@@ -143,8 +143,7 @@ def in_brian2(
     Raises:
         BackendUnavailableError: it cannot be started, lacks Brian2 or lava-vpr, fails, or takes too long.
     """
-    with tempfile.TemporaryDirectory(prefix="lava-vpr-") as name:
-        folder = Path(name)
+    with temporary_folder() as folder:
         np.savez(
             folder / "given.npz", weights=state.weights, theta_mv=state.theta_mv, delays=state.delays, rate_hz=rate_hz
         )

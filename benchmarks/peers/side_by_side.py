@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -33,7 +32,7 @@ from numpy.typing import NDArray
 
 from benchmarks.peers.brian2_network import Brian2Network, spare_collection
 from benchmarks.peers.rivals import OwnImages, brian2_peer, own_images, vprtempo_matchers
-from benchmarks.places import folder
+from benchmarks.places import images_of
 from benchmarks.program import Printed, program
 from lava_vpr.bench.measure.matchers import run_peers
 from lava_vpr.bench.query_set import QuerySet
@@ -61,6 +60,7 @@ from lava_vpr.model import Model
 from lava_vpr.recognition import Comparison, recognise
 from lava_vpr.show.numbers import percent
 from lava_vpr.show.table import Table
+from lava_vpr.storage.writing import temporary_folder
 from lava_vpr.synthetic.world import World, render, write_traverses
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
@@ -168,11 +168,11 @@ def section() -> tuple[str, EncodedTraverse, EncodedTraverse, OwnImages]:
     """What images they are, references and queries of `PLACES`, and both as VPRTempo preprocesses them."""
     encoder = preset("loihi").encoder
     if os.environ.get("LAVA_VPR_DATA"):
-        images = [open_traverse(folder(name), places=PLACES) for name in ("summer", "winter")]
+        images = [open_traverse(images_of("nordland", name), places=PLACES) for name in ("summer", "winter")]
         pair = [encode_traverse(traverse, encoder, Keep.ALL) for traverse in images]
         return f"Nordland, summer to winter, places {PLACES[0]}:{PLACES[1]}", pair[0], pair[1], own_images(*images)
-    with tempfile.TemporaryDirectory(prefix="lava-vpr-") as name:
-        root = Path(name) / "world"
+    with temporary_folder() as folder:
+        root = folder / "world"
         write_traverses(root, PLACES[1] - PLACES[0], 0)
         images = [open_traverse(root / kind) for kind in ("reference", "query")]
         pair = [encode_traverse(traverse, encoder, Keep.ALL) for traverse in images]

@@ -27,7 +27,7 @@ from benchmarks.peers.vprtempo import (
     preprocess,
     train,
 )
-from benchmarks.places import SECTIONS, folder
+from benchmarks.places import SECTIONS, images_of
 from benchmarks.program import Printed, program, seeds_option
 from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.matching.evaluation import Metrics, Recall, evaluate, titles
@@ -52,7 +52,9 @@ VARIANTS = {
 @lru_cache(maxsize=2)
 def spikes_of(season: str, kind: str) -> NDArray[np.float32]:
     """Input spikes of all images of a season."""
-    return input_spikes(np.stack([IMAGES[kind](image) for image in open_traverse(folder(season)).images()]))
+    return input_spikes(
+        np.stack([IMAGES[kind](image) for image in open_traverse(images_of("nordland", season)).images()])
+    )
 
 
 def section(kind: str, places: tuple[int, int], config: VprTempoConfig, seed: int) -> Metrics:

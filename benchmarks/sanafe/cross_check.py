@@ -31,7 +31,6 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import tempfile
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -48,6 +47,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.isolated.child import Ended, environment_without_python, run_child
+from lava_vpr.storage.writing import temporary_folder
 
 VARIABLE, ENVIRONMENT = "LAVA_VPR_SANAFE", ".venv-sanafe"
 REMEDY = "run make sanafe"
@@ -112,8 +112,7 @@ def ask(python: Path, problem: dict[str, Any], timeout_s: float = TIMEOUT_S) -> 
     Raises:
         BackendUnavailableError: it fails, takes too long or answers what is no answer.
     """
-    with tempfile.TemporaryDirectory(prefix="lava-vpr-sanafe-") as name:
-        folder = Path(name)
+    with temporary_folder() as folder:
         (folder / "problem.json").write_text(json.dumps(problem))
         ended = _run([str(python), "-I", "-B", str(WORKER), "problem.json", "result.json"], folder, timeout_s)
         if ended.code:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.places import SECTIONS, PlacesSection, answer, encoded, folder, learn
+from benchmarks.places import SECTIONS, PlacesSection, answer, encoded, images_of, learn
 from benchmarks.recall import TABLES
 from benchmarks.results.rows import Figures, measure
 from lava_vpr.cluster.tasks import Pool
@@ -87,7 +87,7 @@ def test_sad_is_the_papers() -> None:
 def test_an_images_answer_is_its_own(kind: str) -> None:
     """A query counts the same spikes alone, in its folder, in reverse and in batches of any size."""
     config, n = preset(kind), 100
-    model, whole = learn(SECTIONS[0], config), open_traverse(folder("winter"))
+    model, whole = learn(SECTIONS[0], config), open_traverse(images_of("nordland", "winter"))
     queries = encode_traverse(whole.take(range(n)), config.encoder)
     counts, _ = count_query_spikes(model, queries, threads=cores())
     assert counts.any(axis=1).all()
