@@ -124,6 +124,8 @@ class Positions:
             if LAT_LON in (frame, self.frame):
                 raise InputError("positions in x,y and in lat,lon cannot be compared; give both in the same frame")
             return Positions(self.values, frame)
+        if not len(self):
+            return Positions(self.values, frame)
         degrees = self.values if self.frame == LAT_LON else _degrees(self.values, self.frame)
         return Positions(degrees if frame == LAT_LON else _in_zone(degrees, frame), frame)
 
@@ -192,16 +194,12 @@ def _zone(frame: str) -> tuple[int, bool]:
 def _degrees(values: NDArray[np.float64], frame: str) -> NDArray[np.float64]:
     """Latitude and longitude of eastings and northings."""
     number, north = _zone(frame)
-    if not len(values):
-        return values
     return np.stack(utm.to_latlon(values[:, 0], values[:, 1], number, northern=north, strict=False), axis=1)
 
 
 def _in_zone(degrees: NDArray[np.float64], frame: str) -> NDArray[np.float64]:
     """Eastings and northings of latitude and longitude, in a zone that need not be their own."""
     number, north = _zone(frame)
-    if not len(degrees):
-        return degrees
     lat, lon = degrees[:, 0], (degrees[:, 1] + 180.0) % 360.0 - 180.0
     try:
         east, north_m, *_ = utm.from_latlon(lat, lon, force_zone_number=number, force_northern=north)
@@ -264,10 +262,6 @@ _ZONE, _LETTER, _TIME = 3, 4, 13
 _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?|[+-]?\.\d+")
 
 
-def _coordinate(text: str) -> float:
-    return float(text) if _NUMBER.fullmatch(text) else math.nan
-
-
 def _frame(fields: Sequence[str]) -> str:
     """The frame of one name's easting and northing."""
     number, letter = (*fields, "", "", "", "", "")[_ZONE : _LETTER + 1]
@@ -307,7 +301,7 @@ def positions_of_names(names: Sequence[str], source: str) -> Positions | None:
     if not carry_positions(names):
         return None
     split = [name.split("@") for name in names]
-    values = np.array([[_coordinate(cell) for cell in fields[1:3]] for fields in split], np.float64)
+    values = np.array([[float(cell) for cell in fields[1:3]] for fields in split], np.float64)
     if not (good := fits(values, XY).all(axis=1)).all():
         raise InputError(f"{source}: the name {brief(names[int(good.argmin())])} has no position in metres; rename it")
     frames = np.array([_frame(fields) for fields in split])

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -61,39 +62,28 @@ def read_table(path: Path) -> Track:
     """The positions in a CSV file, and their times if it has a column of them.
 
     Columns x,y (or easting,northing) are metres, lat,lon (latitude,longitude) degrees; time (timestamp, stamp, t) is in
-    seconds or a date (`lava_vpr.positions.frames`). Without a header there are two columns, x and y. Other columns are
-    ignored.
+    seconds or a date (`lava_vpr.positions.frames`). Without a header there are two, x and y. Others are ignored.
 
     Raises:
         InputError: unreadable, no such columns, a cell that is no number in its range, or a time before the one above;
             names file and line.
     """
-    rows = csv_rows(path)
-    chosen, frame, timed = (0, 1), XY, -1
-    if rows and not all(_is_number(cell) for cell in rows[0][1]):
-        line, header = rows[0][0], [cell.lower() for cell in rows[0][1]]
-        pair = next((pair for pair in _PAIRS if set(pair) <= set(header)), None)
-        if pair is None:
-            raise InputError(f"{shown(path)} line {line}: no columns x,y or lat,lon among {_some(header)}; name them")
-        names = [*pair, *(name for name in _TIMES if name in header)][:3]
-        _refuse_twice(path, line, header, names)
-        chosen, frame = (header.index(pair[0]), header.index(pair[1])), _PAIRS[pair]
-        timed = header.index(names[2]) if len(names) > 2 else -1
-        rows = rows[1:]
-    elif rows and len(rows[0][1]) != 2:
-        raise InputError(f"{shown(path)} line {rows[0][0]}: has {len(rows[0][1])} columns and no header; add one: x,y")
-    if not rows:
-        raise InputError(f"{shown(path)}: holds no positions; write one row an image, columns x,y or lat,lon")
-    values = np.array([[_number(cells[column]) for column in chosen] for _, cells in rows], np.float64)
+    groups = [(*pair, *time) for pair in _PAIRS for time in (*((name,) for name in _TIMES), ())]
+    needed = "columns x,y or lat,lon"
+    rows, names, places = _taken(
+        path, "positions", needed, groups, ("x", "y"), lambda cells: all(map(_is_number, cells))
+    )
+    frame = _PAIRS[names[0], names[1]]
+    values = np.array([[_number(cells[place]) for place in places[:2]] for _, cells in rows], np.float64)
     good = fits(values, frame)
     if not good.all():
         k, axis = np.argwhere(~good)[0].tolist()
         line, cells = rows[k]
         what = _WORDS[columns(frame)[axis]]
         raise InputError(
-            f"{shown(path)} line {line}: {what} is {brief(cells[chosen[axis]])}; give a number in its range"
+            f"{shown(path)} line {line}: {what} is {brief(cells[places[axis]])}; give a number in its range"
         )
-    return Track(Positions(values, frame), _times(path, rows, timed) if timed >= 0 else None, path)
+    return Track(Positions(values, frame), _times(path, rows, places[2]) if len(places) > 2 else None, path)
 
 
 def read_stamps(path: Path) -> NDArray[np.float64]:
@@ -102,21 +92,45 @@ def read_stamps(path: Path) -> NDArray[np.float64]:
     Raises:
         InputError: unreadable, no such column, or a cell that is no time; names file and line.
     """
-    rows, column = csv_rows(path), 0
-    if rows and not any(math.isfinite(stamp_of(cell)) for cell in rows[0][1]):
-        line, header = rows[0][0], [cell.lower() for cell in rows[0][1]]
-        name = next((name for name in _TIMES if name in header), None)
-        if name is None:
-            raise InputError(f"{shown(path)} line {line}: no column time among {_some(header)}; name it")
-        _refuse_twice(path, line, header, [name])
-        rows, column = rows[1:], header.index(name)
-    elif rows and len(rows[0][1]) != 1:
-        raise InputError(
-            f"{shown(path)} line {rows[0][0]}: has {len(rows[0][1])} columns and no header; name one: time"
-        )
+    groups = [(name,) for name in _TIMES]
+    rows, _, places = _taken(path, "times", "column time", groups, ("time",), lambda cells: any(map(_is_time, cells)))
+    return _times(path, rows, places[0])
+
+
+def _taken(
+    path: Path,
+    what: str,
+    needed: str,
+    groups: Sequence[tuple[str, ...]],
+    plain: tuple[str, ...],
+    is_plain: Callable[[list[str]], bool],
+) -> tuple[list[tuple[int, list[str]]], tuple[str, ...], list[int]]:
+    """The rows of a CSV table below its header, the names of the columns that are taken, and their numbers.
+
+    Args:
+        path: The table.
+        what, needed: What it holds, and the columns that it must have, for messages.
+        groups: The names in a header of columns that can be taken together, the best first.
+        plain: The names of the columns of a table without a header.
+        is_plain: Whether the cells of the first row are no header.
+    """
+    rows, names, places = csv_rows(path), plain, list(range(len(plain)))
+    where = f"{shown(path)} line {rows[0][0]}" if rows else ""
+    if rows and not is_plain(rows[0][1]):
+        header = [cell.lower() for cell in rows[0][1]]
+        found = next((group for group in groups if set(group) <= set(header)), None)
+        if found is None:
+            them = "them" if len(plain) > 1 else "it"
+            raise InputError(f"{where}: no {needed} among {_some(header)}; name {them}")
+        for name in found:
+            if header.count(name) > 1:
+                raise InputError(f"{where}: has {header.count(name)} columns {name!r}; rename all but one")
+        rows, names, places = rows[1:], found, [header.index(name) for name in found]
+    elif rows and len(rows[0][1]) != len(plain):
+        raise InputError(f"{where}: has {len(rows[0][1])} columns and no header; add one: {','.join(plain)}")
     if not rows:
-        raise InputError(f"{shown(path)}: holds no times; write one row an image, column time")
-    return _times(path, rows, column)
+        raise InputError(f"{shown(path)}: holds no {what}; write one row an image, {needed}")
+    return rows, names, places
 
 
 def _times(path: Path, rows: list[tuple[int, list[str]]], column: int) -> NDArray[np.float64]:
@@ -138,14 +152,6 @@ def _times(path: Path, rows: list[tuple[int, list[str]]], column: int) -> NDArra
     return in_seconds(stamps)
 
 
-def _refuse_twice(path: Path, line: int, header: list[str], names: list[str]) -> None:
-    for name in names:
-        if header.count(name) > 1:
-            raise InputError(
-                f"{shown(path)} line {line}: has {header.count(name)} columns {name!r}; rename all but one"
-            )
-
-
 def _some(header: list[str]) -> str:
     """The first names of a header, for a message."""
     return ", ".join(map(brief, header[:8])) + (", ..." if len(header) > 8 else "")
@@ -158,6 +164,10 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _is_time(cell: str) -> bool:
+    return math.isfinite(stamp_of(cell))
 
 
 def _number(cell: str) -> float:
@@ -202,7 +212,7 @@ def read_gpx(path: Path) -> Track:
     points = points or [point for route in gpx.routes for point in route.points] or [*gpx.waypoints]
     if not points:
         raise InputError(f"{shown(path)}: holds no points; export a track")
-    values = np.array([[_finite(p.latitude), _finite(p.longitude)] for p in points], np.float64)
+    values = np.array([[p.latitude, p.longitude] for p in points], np.float64)
     good = fits(values, LAT_LON).all(axis=1)
     if not good.all():
         k = int(good.argmin())
@@ -232,10 +242,6 @@ def _check_depth(text: str) -> None:
     parser = expat.ParserCreate()
     parser.StartElementHandler, parser.EndElementHandler = begin, end
     parser.Parse(text, True)
-
-
-def _finite(number: float | None) -> float:
-    return np.nan if number is None else float(number)
 
 
 def _point_times(path: Path, points: list[Point]) -> NDArray[np.float64] | None:

@@ -133,7 +133,7 @@ def test_tables_that_cannot_be_used(tmp_path: Path, text: str, part: str) -> Non
     [
         ("", "t.csv: holds no times; write one row an image, column time"),
         ("name\na\n", "t.csv line 1: no column time among 'name'; name it"),
-        ("1,2\n", "t.csv line 1: has 2 columns and no header; name one: time"),
+        ("1,2\n", "t.csv line 1: has 2 columns and no header; add one: time"),
         ("time\n1\nx\n", "t.csv line 3: the time is 'x'"),
     ],
 )
