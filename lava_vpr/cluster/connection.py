@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lava_vpr import __version__
-from lava_vpr.cluster.tasks import PATIENCE, LostTaskError, Told
+from lava_vpr.cluster.tasks import PATIENCE, LostTaskError, Runner, Told
 from lava_vpr.errors import ClusterError, LavaVprError
 from lava_vpr.interrupts import stoppable
 
@@ -42,7 +42,7 @@ _GONE = (OSError, RuntimeError, TimeoutError, asyncio.TimeoutError)
 INSTALL = "pip install 'lava-vpr[cluster]'"
 
 
-class Connection:
+class Connection(Runner):
     """A cluster that was connected to, as a `lava_vpr.cluster.tasks.Pool` takes it.
 
     Attributes:

@@ -31,7 +31,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Generator, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from lava_vpr.errors import ClusterError
 
@@ -81,52 +81,33 @@ Told = Callable[[Standing], None]
 """A function that is told where tasks stand, whenever that has changed."""
 
 
-class Runner(Protocol):
-    """Whoever runs tasks: threads here, or a cluster's workers (`lava_vpr.cluster.connection.Connection`).
+class Runner:
+    """Runs tasks on threads of this process; `lava_vpr.cluster.connection.Connection` on those of a cluster's workers.
 
+    Args:
+        jobs: Threads.
+        stop: Set as soon as a task fails, or the run is given up.
     Attributes:
-        room: Tasks that are worth having at once; the rest is not made before one of these is done.
-        workers: Workers of the cluster that are present; 0: threads of this process.
         progress: Told where tasks stand, unless their own call names somebody.
     """
 
-    progress: Told | None
-
-    @property
-    def room(self) -> int: ...
-
-    @property
-    def workers(self) -> int: ...
-
-    def submit(self, function: Callable[[Any, Any], Any], shared: Any, task: Any) -> Any:
-        """The future, of `concurrent.futures` or alike, of ``function(shared, task)``."""
-        ...
-
-    def result(self, future: Any, number: int) -> Any:
-        """What a future that is done, of task ``number``, came to.
-
-        Raises:
-            LostTaskError: nothing; the task is to be submitted again.
-            Exception: what the task raised.
-        """
-        ...
-
-    def end(self, unfinished: Collection[Any]) -> None:
-        """Drop the tasks that are not done."""
-        ...
-
-
-class _Threads:
-    """Threads of this process."""
-
-    workers = 0
     progress: Told | None = None
 
     def __init__(self, jobs: int, stop: threading.Event) -> None:
-        self._stop, self._pool = stop, ThreadPoolExecutor(max(1, jobs))
-        self.room = max(1, jobs) + 1
+        self._jobs, self._stop, self._pool = max(1, jobs), stop, ThreadPoolExecutor(max(1, jobs))
+
+    @property
+    def room(self) -> int:
+        """Tasks that are worth having at once; the rest is not made before one of these is done."""
+        return self._jobs + 1
+
+    @property
+    def workers(self) -> int:
+        """Workers of the cluster that are present; 0: threads of this process."""
+        return 0
 
     def submit(self, function: Callable[[Any, Any], Any], shared: Any, task: Any) -> Any:
+        """The future, of `concurrent.futures` or alike, of ``function(shared, task)``."""
         return self._pool.submit(self._guarded, function, shared, task)
 
     def _guarded(self, function: Callable[[Any, Any], Any], shared: Any, task: Any) -> Any:
@@ -138,9 +119,16 @@ class _Threads:
             raise
 
     def result(self, future: Any, number: int) -> Any:
+        """What a future that is done, of task ``number``, came to.
+
+        Raises:
+            LostTaskError: nothing; the task is to be submitted again.
+            Exception: what the task raised.
+        """
         return future.result()
 
     def end(self, unfinished: Collection[Any]) -> None:
+        """Drop the tasks that are not done."""
         self._stop.set()
         self._pool.shutdown(wait=True, cancel_futures=True)
 
@@ -225,7 +213,7 @@ def _results(
     ready: dict[int, R],
 ) -> Generator[tuple[int, R], None, None]:
     """Results as they come; those in ``ready`` wait for one before them, and take the room of tasks that could run."""
-    runner: Runner = pool.cluster or _Threads(pool.threads, stop or threading.Event())
+    runner = pool.cluster or Runner(pool.threads, stop or threading.Event())
     progress = progress or runner.progress
     numbered, done, more = enumerate(tasks), 0, True
     running: dict[Any, tuple[int, T]] = {}
