@@ -154,13 +154,9 @@ def test_equal_input_gives_equal_points() -> None:
 @pytest.mark.slow
 def test_a_cluster_measures_the_points_of_one_machine(tmp_path: Path) -> None:
     """Eight at once, drawn as if the front stayed as it is; what is drawn from another front is drawn anew."""
-    one, made = case(), DaskCluster(tmp_path)
-    try:
-        with connected(made.address) as cluster:
-            done: list[int] = []
-            again = sweep(one, budget=10, pool=Pool(1, cluster), advance=done.append)
-    finally:
-        made.end()
+    done: list[int] = []
+    with DaskCluster(tmp_path) as made, connected(made.address) as cluster:
+        again = sweep(case(), budget=10, pool=Pool(1, cluster), advance=done.append)
     assert [repr(point) for point in again] == [repr(point) for point in found()[0]]
     assert sum(done) == 10
 

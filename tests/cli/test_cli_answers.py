@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import json
 import re
@@ -79,9 +78,7 @@ def test_the_json_has_the_curve_of_every_figure(here: Path) -> None:
 
 
 def test_thresholds_say_what_they_accept(here: Path) -> None:
-    run("query", "m.lvpr", "query", "-o", "q.csv", "--motion", "none", "--target-precision", 0.9)
-    with Path("q.csv").open(newline="", encoding="utf-8") as file:
-        accepted = [row["accepted"] == "true" for row in csv.DictReader(file)]
+    accepted = [row["accepted"] == "true" for row in matches("query", "--motion", "none", "--target-precision", 0.9)]
     (row, *_) = figures("query")["probability"]["single"]["thresholds"]
     assert row["target"] == 0.9
     assert row["accepted"] == sum(accepted) / len(accepted)

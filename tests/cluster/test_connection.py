@@ -27,17 +27,15 @@ from lava_vpr.errors import ClusterError, ConfigError
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskCluster]:
     """Two workers; a test that kills some leaves two."""
-    made = DaskCluster(tmp_path_factory.mktemp("cluster"))
-    yield made
-    made.end()
+    with DaskCluster(tmp_path_factory.mktemp("cluster")) as made:
+        yield made
 
 
 @pytest.fixture
 def own(tmp_path: Path) -> Iterator[DaskCluster]:
     """A scheduler without workers."""
-    made = DaskCluster(tmp_path, workers=0)
-    yield made
-    made.end()
+    with DaskCluster(tmp_path, workers=0) as made:
+        yield made
 
 
 @pytest.fixture
@@ -89,9 +87,8 @@ def test_killed_workers_cost_their_tasks_alone(cluster: DaskCluster, at: Connect
 def strict(tmp_path: Path) -> Iterator[DaskCluster]:
     """A cluster whose scheduler gives a task up when a single worker has died with it."""
     (tmp_path / "strict").mkdir()
-    made = DaskCluster(tmp_path / "strict", allowed_failures=0)
-    yield made
-    made.end()
+    with DaskCluster(tmp_path / "strict", allowed_failures=0) as made:
+        yield made
 
 
 @pytest.mark.slow

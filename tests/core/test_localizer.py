@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import os
 import threading
@@ -14,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.common.commands import run
+from support.common.commands import matches
 
 import lava_vpr
 from lava_vpr import Localizer, train
@@ -71,18 +70,16 @@ def test_the_public_names_are_these() -> None:
 
 @pytest.mark.parametrize("motion", ["none", "any", "forward"])
 def test_it_says_what_the_command_says(motion: str, winter: Images, here: Path) -> None:
-    run("query", "m.lvpr", "winter", "-o", "q.csv", "--motion", motion)
-    with open("q.csv", newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = matches("winter", "--motion", motion)
     robot = Localizer("m.lvpr", motion)
-    matches = [robot.update(image, stamp=float(number)) for number, image in enumerate(winter)]
-    assert [str(match.place) for match in matches] == [row["place"] for row in rows]
-    assert [match.name for match in matches] == [row["place_name"] for row in rows]
-    assert [str(match.accepted).lower() for match in matches] == [row["accepted"] for row in rows]
-    assert [f"{match.probability:.6f}" for match in matches] == [row["probability"] for row in rows]
-    assert [repr(match.confidence) for match in matches] == [row["confidence"] for row in rows]
-    assert [match.stamp for match in matches] == list(range(PLACES))
-    for match in matches:
+    answers = [robot.update(image, stamp=float(number)) for number, image in enumerate(winter)]
+    assert [str(match.place) for match in answers] == [row["place"] for row in rows]
+    assert [match.name for match in answers] == [row["place_name"] for row in rows]
+    assert [str(match.accepted).lower() for match in answers] == [row["accepted"] for row in rows]
+    assert [f"{match.probability:.6f}" for match in answers] == [row["probability"] for row in rows]
+    assert [repr(match.confidence) for match in answers] == [row["confidence"] for row in rows]
+    assert [match.stamp for match in answers] == list(range(PLACES))
+    for match in answers:
         assert match.position == (5.0 * match.place, 0.0)
         assert match.frame == "xy"
         assert match.radius == (0 if motion == "none" else 1)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 import json
-import os
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support.common import children
-from support.common.commands import fails, run
+from support.common.commands import fails, link_route, matches, run
 from support.common.eventfiles import EVENT, Made, aedat4, dsec, made
 
 from lava_vpr.config import EncoderConfig, for_events, preset
@@ -48,9 +46,7 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def there(drives: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of its own to work in, which sees what was made."""
     monkeypatch.chdir(tmp_path)
-    for entry in drives.iterdir():
-        os.symlink(entry, tmp_path / entry.name)
-    return tmp_path
+    return link_route(drives, tmp_path)
 
 
 def test_a_drive_of_events_is_recognised_from_another_at_another_speed(there: Path) -> None:
@@ -71,9 +67,7 @@ def test_a_drive_of_events_is_recognised_from_another_at_another_speed(there: Pa
 
 
 def test_a_query_is_answered_with_its_place_in_time(there: Path) -> None:
-    run("query", "m.lvpr", "w/query_events.h5", *EVERY, *QUERIES, "-o", "q.csv")
-    with Path("q.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = matches("w/query_events.h5", *EVERY, *QUERIES)
     assert rows[2]["query_name"] == "window 000002"
     assert float(rows[0]["time"]) == pytest.approx(1_736_942_400.075, abs=1e-3)  # the middle of the first 150 ms
     assert np.median([float(row["error_m"]) for row in rows if row["error_m"]]) < 8
@@ -95,9 +89,7 @@ def test_bundles_and_python_take_events(there: Path) -> None:
     assert Path("host.csv").read_bytes() == Path("bundle.csv").read_bytes()
     model = load("m.lvpr")
     queries = open_traverse("w/query_events.h5", every=0.5, events=model.config.events)
-    localizer = Localizer(model, motion="none")
-    with Path("host.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = matches("w/query_events.h5", *EVERY, "--seed", 5)
     localizer = Localizer(model, motion="none", seed=5)
     for row, image in zip(rows[:4], queries.images(), strict=False):
         assert localizer.update(image).place == int(row["place"])

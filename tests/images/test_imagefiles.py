@@ -38,13 +38,8 @@ from lava_vpr.traverse import open_traverse
 # ---------------------------------------------------------------- image formats
 
 
-def tiff_of_strip(strip: bytes, shape: tuple[int, int], compression: int = 1) -> bytes:
-    """A colour TIFF of one strip, which stands at its end."""
-    h, w = shape
-    tags = [(256, w), (257, h), (258, 8), (259, compression), (262, 2), (273, 134), (277, 3), (278, h)]
-    tags += [(279, len(strip)), (339, 1)]
-    directory = b"".join(struct.pack("<HHII", tag, 4 if tag in (273, 279) else 3, 1, value) for tag, value in tags)
-    return b"II*\0" + struct.pack("<IH", 8, len(tags)) + directory + b"\0\0\0\0" + strip
+COLOUR = {262: 2, 277: 3, 339: 1}
+"""Tags of a TIFF."""
 
 
 def lzw(data: bytes) -> bytes:
@@ -132,7 +127,7 @@ def test_exif_orientation_is_honoured_in_all_formats(tmp_path: Path, orientation
         np.testing.assert_array_equal(read_image(path), upright(image, orientation))
         written(path, webp_with_exif(image, b"Exif\0\0" + block))  # some writers copy JPEG's prefix
         np.testing.assert_array_equal(read_image(path), upright(image, orientation))
-    path = written(tmp_path / "a.tif", tiff(image[:, :, 0], orientation))
+    path = written(tmp_path / "a.tif", tiff(image[:, :, 0].tobytes(), image.shape, {274: orientation}))
     np.testing.assert_array_equal(read_image(path), upright(image[:, :, 0], orientation))
 
 
@@ -201,8 +196,8 @@ _TAILED = {
     **{kind: data for kind, data in _WHOLE.items() if kind not in ("bmp", "raw.tif", "lzw.tif")},
     "alpha.webp": image_bytes(".webp", np.dstack([_BIG, _BIG[:, :, 0]]), cv2.IMWRITE_WEBP_QUALITY, 80),
     "16.png": image_bytes(".png", _BIG.astype(np.uint16) * 257),
-    "first.lzw.tif": tiff_of_strip(lzw(_BIG[:, :, ::-1].tobytes()), (90, 120), 5),
-    "first.deflate.tif": tiff_of_strip(zlib.compress(_BIG[:, :, ::-1].tobytes()), (90, 120), 8),
+    "first.lzw.tif": tiff(lzw(_BIG[:, :, ::-1].tobytes()), (90, 120), COLOUR | {259: 5}),
+    "first.deflate.tif": tiff(zlib.compress(_BIG[:, :, ::-1].tobytes()), (90, 120), COLOUR | {259: 8}),
     "runs.bmp": bmp_of_runs(40, 30),
 }
 
@@ -265,7 +260,7 @@ def test_many_parts_of_an_image_are_refused(monkeypatch: pytest.MonkeyPatch) -> 
     refused(
         lambda: decode_image(png(2, 2, 8, 0, bytes(6), chunk, chunk, chunk)), "has 4 parts, more than the 3 allowed"
     )
-    whole, one = tiff_of_strip(bytes(12), (2, 2)), struct.pack("<HHII", 279, 4, 1, 12)
+    whole, one = tiff(bytes(12), (2, 2), COLOUR), struct.pack("<HHII", 279, 4, 1, 12)
     assert decode_image(whole).shape == (2, 2, 3)
     refused(lambda: decode_image(whole.replace(one, struct.pack("<HHII", 279, 4, 4, 12))), "has 4 parts, more than")
 

@@ -172,11 +172,18 @@ def test_a_model_fails(place: Place, what: str, line: str, more: str) -> None:
     assert more in kept(error)
 
 
-@pytest.mark.lava
-def test_a_model_ends_itself(place: Place) -> None:
-    error = failed(place, "support.lava.lava_targets:act", {"what": "gone", "steps": 100_000})
-    said = "support.lava.lava_targets:act: the process of PyActor ended itself with exit code 7 and no result; "
-    assert str(error) == said + "let it raise an error or return"
+@pytest.mark.parametrize(
+    ("target", "what", "said"),
+    [
+        pytest.param("act", "gone", "the process of PyActor ended itself with exit code 7", marks=pytest.mark.lava),
+        ("fail", "exit", "its process ended itself with exit code 0"),
+    ],
+)
+def test_who_ends_without_a_word_is_told(place: Place, target: str, what: str, said: str) -> None:
+    """A model, and the target."""
+    error = failed(place, f"support.lava.lava_targets:{target}", {"what": what, "steps": 100_000})
+    end = "and no result; let it raise an error or return"
+    assert str(error) == f"support.lava.lava_targets:{target}: {said} {end}"
 
 
 @pytest.mark.lava
@@ -214,12 +221,6 @@ def test_the_target_fails(place: Place, target: str, what: str, line: str) -> No
     error = failed(place, target, {"what": what})
     assert re.match(f"{target} {line}", str(error)), str(error)
     assert kept(error).startswith("Traceback")
-
-
-def test_the_target_ends_without_a_word(place: Place) -> None:
-    error = failed(place, "support.lava.lava_targets:fail", {"what": "exit"})
-    said = "support.lava.lava_targets:fail: its process ended itself with exit code 0 and no result; "
-    assert str(error) == said + "let it raise an error or return"
 
 
 @pytest.mark.lava
@@ -297,16 +298,21 @@ run_isolated("support.lava.lava_targets:act", {}, {"what": "none", "steps": 1_00
 """
 
 
-def start_caller(place: Place) -> children.Child:
-    """A process that calls `run_isolated`."""
+def start_caller(place: Place, going: bool = True) -> children.Child:
+    """A process that calls `run_isolated`; ``going``: Lava runs in it."""
     paths = os.pathsep.join([str(Path(__file__).parents[1]), *filter(None, sys.path)])
-    return children.Child(
+    caller = children.Child(
         [sys.executable, "-c", CALLER],
         env={**os.environ, "TMPDIR": str(place.root), "PYTHONPATH": paths},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
+    if going:
+        assert caller.stdout is not None
+        assert caller.stdout.readline() == "going\n"
+        place.note()
+    return caller
 
 
 @pytest.mark.quick(1)
@@ -314,9 +320,6 @@ def start_caller(place: Place) -> children.Child:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_the_caller_is_ended(place: Place, number: signal.Signals) -> None:
     caller = start_caller(place)
-    assert caller.stdout is not None
-    assert caller.stdout.readline() == "going\n"
-    place.note()
     assert place.shared()
     caller.send_signal(number)
     _, errors = caller.communicate(timeout=SOON)
@@ -329,9 +332,6 @@ def test_the_caller_is_ended(place: Place, number: signal.Signals) -> None:
 def test_the_caller_and_the_keeper_are_killed(place: Place) -> None:
     """Nobody is left to see to it; the system ends the rest, only the folder stays."""
     caller = start_caller(place)
-    assert caller.stdout is not None
-    assert caller.stdout.readline() == "going\n"
-    place.note()
     keeper = place.process("the keeper")
     os.kill(keeper, signal.SIGSTOP)
     caller.kill()
@@ -347,7 +347,7 @@ def test_the_caller_and_the_keeper_are_killed(place: Place) -> None:
 def test_the_caller_is_killed_at_any_moment(place: Place) -> None:
     """From its own start on to that of Lava."""
     for delay in np.linspace(0.05, 2.0, 40):
-        caller = start_caller(place)
+        caller = start_caller(place, going=False)
         time.sleep(delay)
         place.sessions |= set(place.processes().values())
         place.names |= {path.name for path in place.root.glob("lava-vpr-*")}

@@ -244,11 +244,8 @@ def test_a_cluster_gives_the_bytes_of_this_machine(folder: Path, tmp_path_factor
         run("paper-table", *words, "--json", files[0], "--csv", files[1], "--markdown", files[2], *more)
         return [Path(name).read_bytes() for name in files]
 
-    cluster = DaskCluster(tmp_path_factory.mktemp("cluster"))
-    try:
+    with DaskCluster(tmp_path_factory.mktemp("cluster")) as cluster:
         there = written("--cluster", cluster.address)
-    finally:
-        cluster.end()
     assert there == written("--jobs", 1)
     assert set(rows("t.json")["spedtest", "netvlad"]["sections"]) == {"1", "2"}
 

@@ -326,12 +326,9 @@ def study(*words: object) -> str:
 
 @pytest.mark.slow
 def test_a_cluster_gives_the_bytes_of_this_machine(here: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
-    cluster = DaskCluster(tmp_path_factory.mktemp("cluster"))
     words = ("hyperactive", "reference", "--query", "query", "--values", "4")
-    try:
+    with DaskCluster(tmp_path_factory.mktemp("cluster")) as cluster:
         there = study(*words, "--cluster", cluster.address, "--json", "there.json", "--report", "there")
-    finally:
-        cluster.end()
     alone = study(*words, "--json", "here.json", "--report", "here")
     assert alone == there.replace("report: there", "report: here")
     assert Path("there.json").read_bytes() == Path("here.json").read_bytes()

@@ -32,9 +32,8 @@ SEVERAL = {"stretch": 3}  # 8 places in 3 stretches
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskCluster]:
-    made = DaskCluster(tmp_path_factory.mktemp("cluster"))
-    yield made
-    made.end()
+    with DaskCluster(tmp_path_factory.mktemp("cluster")) as made:
+        yield made
 
 
 @pytest.fixture
@@ -102,18 +101,16 @@ def test_training_goes_on_at_the_cluster_from_whole_epochs(at: Connection, tmp_p
 def test_a_lost_scheduler_leaves_the_stretches_that_had_come_back(tmp_path: Path) -> None:
     """They are in the checkpoint whole, and training goes on from it on one machine."""
     config, shown = cases()["integers"]
-    checkpoint, own = tmp_path / "a.checkpoint", DaskCluster(tmp_path, workers=1)
+    checkpoint = tmp_path / "a.checkpoint"
 
     def one(standing: Standing) -> None:
         if standing.done == 1:
             own.scheduler.kill()
             own.scheduler.wait(60)
 
-    try:
-        with connected(own.address, one) as found, pytest.raises(ClusterError, match="the scheduler was lost"):
-            train(shown, config, checkpoint=checkpoint, pool=Pool(1, found))
-    finally:
-        own.end()
+    lost = pytest.raises(ClusterError, match="the scheduler was lost")
+    with DaskCluster(tmp_path, workers=1) as own, connected(own.address, one) as found, lost:
+        train(shown, config, checkpoint=checkpoint, pool=Pool(1, found))
     done = container.load(checkpoint, "checkpoint")[0]["epochs"]
     assert set(done.values()) == {config.learning.epochs}
     assert len(done) < 3

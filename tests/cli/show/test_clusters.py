@@ -26,9 +26,8 @@ QUICK = "stretch = 4\n[network]\nsteps = 64\n[learning]\nsteps = 200\nepochs = 4
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[DaskCluster]:
     (tmp_path / "cluster").mkdir()
-    made = DaskCluster(tmp_path / "cluster")
-    yield made
-    made.end()
+    with DaskCluster(tmp_path / "cluster") as made:
+        yield made
 
 
 @pytest.fixture
@@ -134,8 +133,7 @@ def test_by_tls(route: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     known, strange = map(made_keys, folders)
     words = ("train", "reference", "--config", "quick.toml", "-o")
     assert run(*words, "here.lvpr").exit_code == 0
-    made = DaskCluster(tmp_path_factory.mktemp("cluster"), keys=folders[0])
-    try:
+    with DaskCluster(tmp_path_factory.mktemp("cluster"), keys=folders[0]) as made:
         assert made.address.startswith("tls://127.0.0.1:")
         ended = surroundings.run(route, *words, "there.lvpr", "--cluster", made.address, set_to=known)
         assert ended.code == 0, ended.err
@@ -149,8 +147,6 @@ def test_by_tls(route: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
             refused = surroundings.run(route, *words, "no.lvpr", "--cluster", address, set_to=keys)
             assert (refused.code, len(refused.lines), refused.made) == (1, 1, []), refused.err
             assert refused.err.startswith(f"lava-vpr: error: {said}"), refused.err
-    finally:
-        made.end()
 
 
 @pytest.mark.parametrize("command", [("train", "reference", "-o", "new.lvpr"), ("eval", "m.lvpr", "query")])

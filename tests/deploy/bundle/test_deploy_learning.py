@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from support.literal.integers import mixed
 
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
@@ -128,10 +129,7 @@ def slow_fold(weights: NDArray[np.uint8], theta: NDArray[np.int32], common: int,
     own, folded = derived_key(key, "fold"), np.zeros(weights.shape, np.uint8)
     for j in range(weights.shape[0]):
         for i in range(weights.shape[1]):
-            x = (own + int(GOLDEN) * ((i << 32) + j)) % (1 << 64)
-            x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9 % (1 << 64)
-            x = (x ^ (x >> 27)) * 0x94D049BB133111EB % (1 << 64)
-            draw = (x ^ (x >> 31)) >> 32
+            draw = mixed(own + int(GOLDEN) * ((i << 32) + j)) >> 32
             whole, rest = divmod(int(weights[j, i]) * common, int(theta[i]))
             folded[j, i] = min(255, whole + (draw * int(theta[i]) < rest << 32))
     return folded

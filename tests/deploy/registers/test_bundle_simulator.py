@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.boards.plans import busy_plan, chips_of, pictures, random_biases, random_network, simple_plan
+from support.literal.integers import shrink, wrap
 
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.registers.core_images import CoreImage, core_images, host_tables
@@ -85,17 +86,8 @@ def test_each_presentation_stands_alone(bias_input: bool) -> None:
 
 def literal_step(x: dict[str, int]) -> tuple[int, int, int, bool]:
     """u, v and refractory steps of one compartment after one step, and whether it spikes."""
-
-    def shrunk(value: int, keep: int) -> int:
-        size = abs(value) * keep // 4096
-        return size if value >= 0 else -size
-
-    u = shrunk(x["u"], x["keep_u"]) + x["sums"]
-    if u > 1 << 23:
-        u -= 1 << 24
-    elif u <= -(1 << 23):
-        u += 1 << 24
-    v = max(x["low"], min(x["high"], shrunk(x["v"], x["keep_v"]) + u + x["bias"]))
+    u = wrap(shrink(x["u"], x["keep_u"]) + x["sums"])
+    v = max(x["low"], min(x["high"], shrink(x["v"], x["keep_v"]) + u + x["bias"]))
     held = x["held"]
     if held:
         v, held = 0, held - 1

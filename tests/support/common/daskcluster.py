@@ -10,7 +10,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +42,7 @@ def tls_options(keys: Path) -> tuple[str, ...]:
     return "--tls-ca-file", cert, "--tls-cert", cert, "--tls-key", key
 
 
-class DaskCluster:
+class DaskCluster(AbstractContextManager["DaskCluster"]):
     """A scheduler, and workers of one thread each that come, go and are killed."""
 
     def __init__(self, folder: Path, workers: int = 2, allowed_failures: int = 3, keys: Path | None = None) -> None:
@@ -90,7 +90,7 @@ class DaskCluster:
         """What all processes have written."""
         return "\n".join(path.read_text(errors="replace") for path in sorted(self.folder.glob("*.log")))
 
-    def end(self) -> None:
+    def __exit__(self, *error: object) -> None:
         """Kill what is left."""
         for process in self.processes:
             process.end()

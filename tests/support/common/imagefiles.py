@@ -126,13 +126,13 @@ def exif(orientation: int, order: str = ">") -> bytes:
     return magic + struct.pack(order + "IHHHIHHI", 8, 1, 0x0112, 3, 1, orientation, 0, 0)
 
 
-def tiff(image: NDArray[np.uint8], orientation: int) -> bytes:
-    """An uncompressed grey TIFF with an orientation tag."""
-    h, w = image.shape
-    tags = [(256, w), (257, h), (258, 8), (259, 1), (262, 1), (273, 134), (274, orientation), (277, 1), (278, h)]
-    tags.append((279, w * h))
-    directory = b"".join(struct.pack("<HHII", tag, 4 if tag in (273, 279) else 3, 1, value) for tag, value in tags)
-    return b"II*\0" + struct.pack("<IH", 8, len(tags)) + directory + b"\0\0\0\0" + image.tobytes()
+def tiff(strip: bytes, shape: tuple[int, ...], tags: dict[int, int]) -> bytes:
+    """A grey TIFF of one strip, which stands at its end, unless the ``tags`` say otherwise."""
+    h, w = shape[:2]
+    whole = {256: w, 257: h, 258: 8, 259: 1, 262: 1, 273: 0, 277: 1, 278: h, 279: len(strip)} | tags
+    whole[273] = 14 + 12 * len(whole)
+    rows = (struct.pack("<HHII", tag, 4 if tag in (273, 279) else 3, 1, whole[tag]) for tag in sorted(whole))
+    return b"II*\0" + struct.pack("<IH", 8, len(whole)) + b"".join(rows) + b"\0\0\0\0" + strip
 
 
 def webp_with_exif(image: NDArray[np.uint8], block: bytes) -> bytes:

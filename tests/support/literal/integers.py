@@ -1,6 +1,6 @@
 """The literal model of Loihi's integers: networks and learning in plain Python numbers, by the equations alone.
 
-Used by engine.
+Used by deploy and engine.
 """
 
 from __future__ import annotations
