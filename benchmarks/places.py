@@ -63,8 +63,9 @@ def encoded(season: str, encoder: EncoderConfig) -> EncodedTraverse:
     return encode_traverse(open_traverse(images_of("nordland", season)), encoder, Keep.ALL)
 
 
+@lru_cache(maxsize=16)
 def learn(places: tuple[int, int], config: Config) -> Model:
-    """A model of the summer images ``places``."""
+    """A model of the summer images ``places``; equal arguments share it, so nobody may write to it."""
     return train([encoded("summer", config.encoder).take(slice(*places))], config, route_images=500, pool=Pool(cores()))
 
 

@@ -99,10 +99,10 @@ def test_two_workers_one_of_them_killed_in_the_middle(
 def test_the_same_on_real_images(
     data_root: Path, tmp_path: Path, cluster: DaskCluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The default preset on 500 places of a railway, a season apart."""
+    """The default preset on 200 places of a railway, a season apart."""
     monkeypatch.chdir(tmp_path)
     summer, winter = (data_root / "data" / "nordland" / season for season in ("summer", "winter"))
-    options = ["--places", "0:500", "--stretch", "50"]
+    options = ["--places", "0:200", "--stretch", "20"]
     killed_in_the_middle(cluster, summer, winter, options, monkeypatch)
 
 
