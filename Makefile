@@ -10,6 +10,8 @@ LOCK = requirements/$$($(BIN)/python -c 'import sys; print("lock" if sys.version
 QUIET := $(shell test -t 2 || echo --quiet)
 # Where Pythons keep no compiled modules, as in many containers, each of the hundreds that tests start compiles all it imports.
 unexport PYTHONDONTWRITEBYTECODE
+# NO_COMPILE=--no-compile halves the time of an installation: modules are compiled as they are imported.
+INSTALL := pip install $(QUIET) --disable-pip-version-check $(NO_COMPILE)
 # Tests run side by side, one row of them a processor.
 TESTS := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
@@ -22,9 +24,26 @@ help: ## What there is to make
 $(STAMP): pyproject.toml requirements/lock.txt requirements/lock-host.txt scripts/find_python.sh
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh) && echo "using $$python" && "$$python" -m venv --clear $(VENV)
 	@echo "installing pinned versions into $(VENV), which takes about a minute"
-	@$(BIN)/python -m pip install $(QUIET) --disable-pip-version-check -r $(LOCK)
-	@$(BIN)/python -m pip install $(QUIET) --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@$(BIN)/python -m $(INSTALL) -r $(LOCK)
+	@$(BIN)/python -m $(INSTALL) --no-build-isolation --no-deps --editable .
 	@touch $(STAMP)
+
+# $(call environment,FILES): the environment of a goal, under Python 3.10, with what files of requirements name.
+define environment
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear $(@D)
+	@$(@D)/bin/python -m $(INSTALL) $(patsubst %,-r %,$(1))
+	@touch $@
+endef
+
+# The same with the project, which sees what $(VENV) has if that is of the same Python: only the rest is installed.
+define environment_beside
+	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear $(@D)
+	@echo 'import site; site.addsitedir("$(abspath $(VENV))/lib/python3.10/site-packages")' >$(@D)/lib/python3.10/site-packages/beside.pth
+	@$(@D)/bin/python -m $(INSTALL) -r requirements/lock.txt -r $(1)
+	@cd / && $(abspath $(@D))/bin/python -c "import lava_vpr" 2>/dev/null || \
+		{ cd "$(CURDIR)" && $(@D)/bin/python -m $(INSTALL) --no-build-isolation --no-deps --editable .; }
+	@touch $@
+endef
 
 demo: $(STAMP) ## The main job on built-in synthetic data; ends with a table and a report
 	@$(BIN)/lava-vpr demo --out demo
@@ -72,11 +91,8 @@ pages: $(STAMP) ## Write the parts of README and docs that records and code deci
 recall: images $(STAMP) ## Recall on real images (LAVA_VPR_DATA)
 	@$(BIN)/python -m benchmarks recall decoders
 
-.venv-peers/.installed: pyproject.toml requirements/lock.txt benchmarks/peers/requirements.txt
-	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-peers
-	@.venv-peers/bin/python -m pip install $(QUIET) --disable-pip-version-check -r requirements/lock.txt -r benchmarks/peers/requirements.txt
-	@.venv-peers/bin/python -m pip install $(QUIET) --disable-pip-version-check --no-build-isolation --no-deps --editable .
-	@touch .venv-peers/.installed
+.venv-peers/.installed: pyproject.toml requirements/lock.txt benchmarks/peers/requirements.txt | $(STAMP)
+	$(call environment_beside,benchmarks/peers/requirements.txt)
 
 peers: .venv-peers/.installed ## Side by side with VPRSNN's network in Brian2 (an environment of its own)
 	@.venv-peers/bin/python -m benchmarks peers.side_by_side
@@ -87,9 +103,7 @@ peers-test: .venv-peers/.installed ## The tests that hold the paper preset again
 ORACLES := .venv-brian2-loihi/.installed .venv-nengo-loihi/.installed
 
 $(ORACLES): .venv-%/.installed: benchmarks/oracles/%.txt scripts/find_python.sh
-	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-$*
-	@.venv-$*/bin/python -m pip install $(QUIET) --disable-pip-version-check -r benchmarks/oracles/$*.txt
-	@touch $@
+	$(call environment,benchmarks/oracles/$*.txt)
 
 oracles: images $(STAMP) $(ORACLES) ## Other simulators of Loihi against our integers (environments of their own)
 	@$(BIN)/python -m benchmarks oracles.compare
@@ -97,9 +111,7 @@ oracles: images $(STAMP) $(ORACLES) ## Other simulators of Loihi against our int
 	@$(BIN)/python -m benchmarks oracles.registers
 
 .venv-sanafe/.installed: benchmarks/sanafe/requirements.txt scripts/find_python.sh
-	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-sanafe
-	@.venv-sanafe/bin/python -m pip install $(QUIET) --disable-pip-version-check -r benchmarks/sanafe/requirements.txt
-	@touch $@
+	$(call environment,benchmarks/sanafe/requirements.txt)
 
 sanafe: $(STAMP) .venv-sanafe/.installed ## The cost model's closed form against SANA-FE (an environment of its own)
 	@$(BIN)/python -m benchmarks sanafe.compare
@@ -126,11 +138,8 @@ nir-peers: images .venv-torch/.installed ## Exported NIR graphs in snnTorch besi
 neurobench: images .venv-torch/.installed ## Our metrics beside the package neurobench (LAVA_VPR_DATA; the environment of ci-torch)
 	@.venv-torch/bin/python -m benchmarks.neurobench.metrics
 
-.venv-docs/.installed: pyproject.toml requirements/lock.txt requirements/docs.txt
-	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-docs
-	@.venv-docs/bin/python -m pip install $(QUIET) --disable-pip-version-check -r requirements/lock.txt -r requirements/docs.txt
-	@.venv-docs/bin/python -m pip install $(QUIET) --disable-pip-version-check --no-build-isolation --no-deps --editable .
-	@touch .venv-docs/.installed
+.venv-docs/.installed: pyproject.toml requirements/lock.txt requirements/docs.txt | $(STAMP)
+	$(call environment_beside,requirements/docs.txt)
 
 tutorial: .venv-docs/.installed ## Execute the notebooks of docs/notebooks
 	@.venv-docs/bin/python scripts/run_notebook.py
