@@ -23,8 +23,8 @@ from lava_vpr.cli.nouns import (
     results_options,
     seed_option,
 )
+from lava_vpr.cli.outputs import command_line, show_results
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
-from lava_vpr.cli.show.results import command_line, show_results
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.datasets.selecting import Selection
 from lava_vpr.deploy.boards.board import BOARDS

@@ -13,7 +13,7 @@ from lava_vpr.backends.asking import open_model
 from lava_vpr.cli.choose import open_queries
 from lava_vpr.cli.common import PATH, Number, encode_queries, noun, one_bar, progress_bar, stage
 from lava_vpr.cli.nouns import every_option, json_option, places_option
-from lava_vpr.cli.outputs import Outputs
+from lava_vpr.cli.outputs import Outputs, show_results
 from lava_vpr.cli.show.boards import (
     check_dense_rows,
     dense_rows_option,
@@ -22,7 +22,6 @@ from lava_vpr.cli.show.boards import (
     target_option,
     weight_bits_option,
 )
-from lava_vpr.cli.show.results import show_results
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.bundle.compression import Changes, Compressed, CompressionFigures, for_board
 from lava_vpr.deploy.bundle.deployment import Deployed, unproven

@@ -24,9 +24,9 @@ from lava_vpr.cli.nouns import (
     queries_options,
     results_options,
 )
+from lava_vpr.cli.outputs import command_line, show_results
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.recall import recall_table, trust_tables
-from lava_vpr.cli.show.results import command_line, show_results
 from lava_vpr.datasets.selecting import Benchmark
 from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.model import Model

@@ -11,7 +11,7 @@ import click
 from lava_vpr.backends.asking import open_model
 from lava_vpr.cli.common import PATH, Number, progress_bar, setting_type, stage
 from lava_vpr.cli.nouns import json_option
-from lava_vpr.cli.outputs import Outputs
+from lava_vpr.cli.outputs import Outputs, show_results
 from lava_vpr.cli.show.boards import (
     check_dense_rows,
     dense_rows_option,
@@ -20,7 +20,6 @@ from lava_vpr.cli.show.boards import (
     target_option,
     weight_bits_option,
 )
-from lava_vpr.cli.show.results import show_results
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS, Board

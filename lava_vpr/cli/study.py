@@ -10,10 +10,9 @@ import numpy as np
 
 from lava_vpr.cli.common import PATH, VALUES, RegisteredName, encode_in_views, progress_bar, whole_numbers
 from lava_vpr.cli.nouns import WrittenFiles, every_option, jobs_option, places_option, results_options
-from lava_vpr.cli.outputs import Outputs
+from lava_vpr.cli.outputs import Outputs, command_line, show_results
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.learning import TERMINAL
-from lava_vpr.cli.show.results import command_line, show_results
 from lava_vpr.config import PRESETS, Config
 from lava_vpr.encoding import Keep
 from lava_vpr.errors import InputError, shown

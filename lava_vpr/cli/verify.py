@@ -13,8 +13,7 @@ from lava_vpr.backends.verification import verify as verify_spikes
 from lava_vpr.cli.choose import open_queries
 from lava_vpr.cli.common import RegisteredName, encode_queries, one_bar, print_reasons
 from lava_vpr.cli.nouns import OneSource, Queries, asking_options, json_option, queries_options, seed_option
-from lava_vpr.cli.outputs import Outputs
-from lava_vpr.cli.show.results import show_results
+from lava_vpr.cli.outputs import Outputs, show_results
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import BackendUnavailableError, InputError
 from lava_vpr.show.numbers import percent

@@ -91,11 +91,6 @@ def test_distances_use_the_full_range() -> None:
     assert sad_distances(black, white).tolist() == sad_distances(white, black).tolist() == [[255.0]]
 
 
-def test_blank_rates_are_similar_to_nothing() -> None:
-    rates = np.array([[0, 0], [3, 4]], np.uint16)
-    np.testing.assert_allclose(cosine_similarities(rates, rates), [[0, 0], [0, 1]], atol=1e-15)
-
-
 def test_integer_rates_give_the_same_bits_alone_and_in_a_batch() -> None:
     rng = np.random.default_rng(0)
     references, queries = (rng.integers(0, 65536, (n, 784)).astype(np.uint16) for n in (150, 60))
@@ -107,14 +102,6 @@ def test_integer_rates_give_the_same_bits_alone_and_in_a_batch() -> None:
     )
     expected = exact / np.sqrt(float(references[20].astype(object) @ references[20].astype(object)))
     assert whole[7, 20] == pytest.approx(expected, rel=1e-15)
-
-
-def test_a_place_is_as_near_as_its_nearest_image() -> None:
-    references = images(0, 4)
-    labels = np.array([1, 0, 1, 0])
-    assert sad_distances(references, references, labels).argmin(axis=1).tolist() == labels.tolist()
-    flat = references.reshape(4, -1)
-    assert cosine_similarities(flat, flat, labels).argmax(axis=1).tolist() == labels.tolist()
 
 
 @pytest.mark.parametrize(

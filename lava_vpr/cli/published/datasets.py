@@ -10,8 +10,7 @@ import click
 
 from lava_vpr.cli.common import PATH, RegisteredName
 from lava_vpr.cli.nouns import json_option
-from lava_vpr.cli.outputs import Outputs
-from lava_vpr.cli.show.results import show_results
+from lava_vpr.cli.outputs import Outputs, show_results
 from lava_vpr.datasets.layouts import DATASETS, Dataset, DatasetLayout
 from lava_vpr.datasets.selecting import Check, check
 from lava_vpr.show.numbers import NONE

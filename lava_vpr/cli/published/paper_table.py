@@ -10,9 +10,8 @@ import click
 
 from lava_vpr.cli.common import PATH, Parsed, progress_bar, seed_type, setting_type, whole_numbers
 from lava_vpr.cli.nouns import jobs_option, json_option
-from lava_vpr.cli.outputs import Outputs
+from lava_vpr.cli.outputs import Files, Outputs, command_line, show_results
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
-from lava_vpr.cli.show.results import Files, command_line, show_results
 from lava_vpr.config import StdpLearning
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.errors import InputError, shown

@@ -49,7 +49,7 @@ STAGES = [
     ),
     (
         "study steps reference --query query --config quick.toml --values 64 --seeds 0 --report r",
-        "lava_vpr.cli.show.results:write_page",
+        "lava_vpr.cli.outputs:write_page",
         "writing the report",
     ),
 ]
