@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.common.commands import PLACES, figures, run
+from support.common.commands import PLACES, SHORT, figures, run
 from support.common.small_models import encoded, small_model, tiny_paper
 
 from benchmarks.places import SECTIONS, learn
@@ -113,10 +113,12 @@ def test_a_lost_spike_fails_the_command(here: Path, monkeypatch: pytest.MonkeyPa
 def test_every_backend_on_a_synthetic_route(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The command itself, Lava and all: composed, fused, library and float."""
     monkeypatch.setattr(lava_checks, "_loihi_installed", lambda: False)
-    result = run("verify", "m.lvpr", "query", "--limit", 2, "--json", "v.json")
+    Path("short.toml").write_text(SHORT.replace("steps = 32", "steps = 64"))
+    run("train", "reference", "-o", "short.lvpr", "--config", "short.toml")
+    result = run("verify", "short.lvpr", "query", "--limit", 2, "--json", "v.json")
     values = json.loads(Path("v.json").read_text())["backends"]
     assert list(values) == list(backends.BACKENDS)
-    model = model_file.load(Path("m.lvpr"))
+    model = model_file.load(Path("short.lvpr"))
     queries = encode_traverse(open_traverse("query"), model.config.encoder)
     own = HostBackend().trains(model, query_presentations(model, queries).part(slice(2)))
     assert own.inputs is not None

@@ -64,7 +64,7 @@ def test_seed_and_number_decide_a_case(honest: Corpus) -> None:
     assert run.made(honest, 3, 18).files != first.files
 
 
-FIRST = [pytest.param(0, 250, 0), pytest.param(0, 250, 250)]
+FIRST = [pytest.param(0, 100, 0), pytest.param(0, 400, 100)]
 FIRST += [pytest.param(1, 2500, first, marks=pytest.mark.slow) for first in range(0, 10_000, 2500)]
 
 

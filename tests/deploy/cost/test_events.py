@@ -188,7 +188,7 @@ def test_counts_on_a_partitioned_network(bias_input: bool, signed: bool) -> None
     plan = partition(made, tiny(synapse_words=250, counters=True), even(made), dense_rows=True)
     assert len(plan.cores) > 2
     assert any(core.dense_inputs.any() and not core.dense_inputs.all() for core in plan.cores)
-    trains = trains_of(made, 3, 1)
+    trains = trains_of(made, 2, 1)
     counted, expected = count_events(plan, trains), Literal(plan, trains).found
     for name in KINDS:
         assert np.array_equal(getattr(counted, name), expected[name]), name
