@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.boards.clearing import check_reset
+from lava_vpr.deploy.boards.board import check_reset
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT
 from lava_vpr.deploy.bundle import effort
 from lava_vpr.deploy.bundle.core_files import BundlePlayer, BundleSpikes

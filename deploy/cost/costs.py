@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.boards.clearing import rest_steps
+from lava_vpr.deploy.boards.board import rest_steps
 from lava_vpr.deploy.boards.constants import CostConstants, Estimate, Level, total
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost import embedded
@@ -330,7 +330,7 @@ def _static(plan: Plan, milliseconds: Estimate, constants: CostConstants) -> Est
 
 
 def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Any]:
-    """What `lava_vpr.deploy.boards.clearing` says, with what it takes, and what steps of rest would."""
+    """What `lava_vpr.deploy.boards.board` says, with what it takes, and what steps of rest would."""
     microjoules = _outside_steps(plan, constants)["clearing of states"]
     most = max(counts_on_chips(plan, "exc").values(), default=0)  # each chip's processor writes its own
     told = {

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.event_kernels import KINDS, Counts, Routes, count_presentation
-from lava_vpr.deploy.mapping.mesh import tiles
+from lava_vpr.deploy.mapping.partition import tiles
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.membranes import membranes
 from lava_vpr.engine.presentations import Trains

@@ -14,8 +14,7 @@ from support.boards.small_boards import network as small_network
 from lava_vpr.deploy.boards.board import LOIHI_2
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.events import KINDS, count_events
-from lava_vpr.deploy.mapping.mesh import tiles
-from lava_vpr.deploy.mapping.partition import partition
+from lava_vpr.deploy.mapping.partition import partition, tiles
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains

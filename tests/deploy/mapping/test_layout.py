@@ -13,8 +13,7 @@ from support.boards.small_boards import check_images, check_plan, even, network,
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Mesh
 from lava_vpr.deploy.boards.plan import Plan
-from lava_vpr.deploy.mapping.mesh import assign_cores, distances
-from lava_vpr.deploy.mapping.partition import partition
+from lava_vpr.deploy.mapping.partition import assign_cores, distances, partition
 from lava_vpr.deploy.mapping.placing import counts_of, farthest, fitting, longest, spread
 from lava_vpr.deploy.mapping.placing import even as even_ranges
 from lava_vpr.deploy.mapping.sizing import Sizing
