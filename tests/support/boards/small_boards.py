@@ -20,8 +20,6 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.loihi import CORE_SYNAPSE_WORDS
 
 LIMITS = ("compartments", "axons_in", "axons_out", "synapse_words", "profiles", "thresholds", "formats")
-
-
 ORDER = ["exc", "counters", "inh", "inputs"].index
 
 

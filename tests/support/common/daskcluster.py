@@ -36,19 +36,15 @@ def made_keys(folder: Path) -> dict[str, str]:
     }
 
 
-def tls_options(keys: Path) -> tuple[str, ...]:
-    """What `dask scheduler` and `dask worker` are told of the files of `made_keys`."""
-    cert, key = str(keys / "cert.pem"), str(keys / "key.pem")
-    return "--tls-ca-file", cert, "--tls-cert", cert, "--tls-key", key
-
-
 class DaskCluster(AbstractContextManager["DaskCluster"]):
     """A scheduler, and workers of one thread each that come, go and are killed."""
 
     def __init__(self, folder: Path, workers: int = 2, allowed_failures: int = 3, keys: Path | None = None) -> None:
         """Start it, with its logs in ``folder``; ``keys``: a folder with the files of `made_keys`, for TLS."""
         self.folder = folder
-        self._said = QUIET if keys is None else (*QUIET, "--protocol", "tls", *tls_options(keys))
+        cert, key = f"{keys}/cert.pem", f"{keys}/key.pem"
+        tls = ("--protocol", "tls", "--tls-ca-file", cert, "--tls-cert", cert, "--tls-key", key)
+        self._said = QUIET if keys is None else (*QUIET, *tls)
         self._failures = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": str(allowed_failures)}
         self.processes: list[children.Child] = []
         file = folder / "scheduler.json"

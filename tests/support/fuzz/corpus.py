@@ -57,8 +57,6 @@ BUNDLES = {
 """Model, board and whether it learns, by the bundle's name."""
 
 INTERRUPTED = ("float", "integer", "paper")
-
-
 PATHS = tuple(f"../query/img{k}.png" for k in range(PLACES))
 NEAR = [[k] if k % 2 else [k, (k + 1) % PLACES] for k in range(PLACES)]
 METRES = [(10.0 * k, 2.5 * k) for k in range(PLACES)]

@@ -49,7 +49,7 @@ def wrap(u: int) -> int:
 def literal_sum(synapses: Synapses, neuron: int, active: list[int]) -> int:
     """What ``neuron`` gets from the sources that spiked."""
     total = sum(literal_weight(int(synapses.weights[j, neuron]), synapses) for j in active)
-    return total * 2**synapses.exponent if synapses.exponent >= 0 else total // 2**-synapses.exponent
+    return literal_bias(total, synapses.exponent)
 
 
 @dataclass
