@@ -96,6 +96,3 @@ def test_a_boards_own_figures_are_told() -> None:
     assert re.search(r"idle milliwatts +│ +1,234 │", printed(found))
     assert "measured on a board" in page(found)
     assert as_json(found)["measured"]["loihi2"]["board"] == {"idle_milliwatts": 1234.5}
-
-
-# Anchors
