@@ -44,7 +44,7 @@ STAGES = [
     ("synth s --places 2", "lava_vpr.synthetic.world:render", "drawing"),
     (
         "study steps reference --query query --config quick.toml --values 64 --seeds 0",
-        "lava_vpr.cli.study:run",
+        "lava_vpr.cli.study:study_rows",
         "study",
     ),
     (
