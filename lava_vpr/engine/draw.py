@@ -21,6 +21,7 @@ if sys.byteorder != "little":  # the kernel reads the draws of a hash in memory 
 
 @compiled(inline="always")
 def _draw(
+    lanes: int,
     flags: NDArray[np.uint8],
     occupied: NDArray[np.int32],
     active: NDArray[np.int32],
@@ -29,7 +30,7 @@ def _draw(
 ) -> None:
     """List the active inputs with a flag by lanes: those of lane l, ascending, in ``spikes[l, :counts[l]]``."""
     groups, counts[:] = flags.view(np.uint64), 0
-    last, shift = np.uint64(counts.size - 1), np.uint64(counts.size // 2)
+    last, shift = np.uint64(lanes - 1), np.uint64(lanes // 2)
     # Two passes without unpredictable branches: where a word is set at all, then which of its bytes.
     n_set = np.uint64(0)  # unsigned indices spare the compiler numpy's wrap-around of negative ones
     for p in range(groups.size):
@@ -59,13 +60,20 @@ def poisson_spikes(rates: NDArray[Any], key: np.uint64, steps: int) -> tuple[NDA
         key: Key of the presentation.
         steps: Steps with input.
     """
-    lanes, active = 8 // rates.itemsize, np.flatnonzero(rates).astype(np.int32)
+    lanes = 4 if rates.dtype.type(1 << 16) == 0 else 2  # of either type, decided when it is compiled
+    listed, n = np.empty(rates.size, np.int32), np.uint64(0)
+    for j in range(rates.size):
+        if rates[j] > 0:
+            listed[n] = j
+            n += _ONE
+    active = listed[:n]
     # Padded with inputs that never spike, so that the flags of all lanes make whole 64-bit words.
     width = -(-active.size // rates.itemsize) * rates.itemsize
     offsets, limits = np.zeros(width, np.uint64), np.zeros(lanes * width, rates.dtype)
     for k in range(active.size):
         offsets[k] = key + GOLDEN * np.uint64(active[k])
-        limits[lanes * k : lanes * (k + 1)] = rates[active[k]]
+        for lane in range(lanes):
+            limits[lanes * k + lane] = rates[active[k]]
     words, flags = np.empty(width, np.uint64), np.empty(limits.size, np.uint8)
     occupied, counts = np.empty(flags.size // 8 + 1, np.int32), np.zeros(lanes, np.int64)
     spikes = np.empty((lanes, active.size), np.int32)
@@ -77,7 +85,7 @@ def poisson_spikes(rates: NDArray[Any], key: np.uint64, steps: int) -> tuple[NDA
             words[k] = mix(offsets[k] + start)
         for k in range(flags.size):
             flags[k] = drawn[k] < limits[k]
-        _draw(flags, occupied, active, spikes, counts)
+        _draw(lanes, flags, occupied, active, spikes, counts)
         if members.size < starts[first] + flags.size:
             members = np.concatenate((members, np.empty_like(members)))
         for lane in range(min(lanes, steps - first)):

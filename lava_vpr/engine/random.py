@@ -34,8 +34,8 @@ def mix(x: np.uint64) -> np.uint64:
     return x ^ (x >> _S31)
 
 
-def _mix(x: Any) -> Any:
-    """The value of `mix` in plain Python, of an integer or of each word of an array, uint64."""
+def _mix(x: int) -> int:
+    """The value of `mix`, computed in Python integers."""
     x = ((x ^ (x >> 30)) * int(_MIX_1)) & _MASK
     x = ((x ^ (x >> 27)) * int(_MIX_2)) & _MASK
     return x ^ (x >> 31)
@@ -98,13 +98,13 @@ def derived_key(key: int, purpose: str) -> int:
 def presentation_keys(seed: int, role: str, images: NDArray[Any], epoch: int = 0) -> NDArray[np.uint64]:
     """`presentation_key` of many images, uint64 (n,)."""
     start = np.uint64(_key_before(seed, role, epoch))
-    return np.asarray(_mix((start ^ images.astype(np.uint64)) + GOLDEN))
+    return np.asarray(mix.py_func((start ^ images.astype(np.uint64)) + GOLDEN))
 
 
 def hashes(key: int, blocks: NDArray[np.int64], inputs: NDArray[np.int64]) -> NDArray[np.uint64]:
     """The 64-bit hashes of all (block, input) pairs, shape (len(blocks), len(inputs)); plain numpy."""
     counter = (blocks.astype(np.uint64)[:, None] << _S32) + inputs.astype(np.uint64)[None, :]
-    return np.asarray(_mix(np.uint64(key) + counter * GOLDEN))
+    return np.asarray(mix.py_func(np.uint64(key) + counter * GOLDEN))
 
 
 def draws(key: int, steps: int, inputs: int, bits: int = 16) -> NDArray[np.uint64]:

@@ -176,12 +176,14 @@ def present(
     threshold, lateral, keep, steps = numbers.threshold, numbers.lateral, numbers.keep, numbers.steps
     no_members, no_row = np.zeros(0, np.int32), np.zeros(0, np.uint8)
     width, neurons = weights.shape[1], counts.shape[1]
-    v, own = np.zeros(width, np.int32), np.zeros(width, np.int32)
+    v, own, input_bias = np.zeros(width, np.int32), np.zeros(width, np.int32), np.zeros(rates.shape[1], np.int32)
     volleys = np.zeros(numbers.total + numbers.inhibition_delay, np.bool_)  # the steps in which volleys take
     operations, input_spikes, exc_spikes, leaf_spikes, root_spikes = 0, 0, 0, 0, 0
     for q in range(rates.shape[0]):
         if numbers.regular:
-            starts, members = schedule(slopes[rates[q]], keys[q], steps)
+            for j in range(input_bias.size):
+                input_bias[j] = slopes[rates[q, j]]
+            starts, members = schedule(input_bias, keys[q], steps)
         else:
             starts, members = poisson_spikes(rates[q], keys[q], steps)
         if q == 0 or bias.shape[0] > 1:

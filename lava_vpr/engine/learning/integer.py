@@ -27,7 +27,14 @@ from lava_vpr.config import StdpLearning
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.inference.biases import slopes
 from lava_vpr.engine.inference.quantise import mantissa_of
-from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, IntegerPhase, StepDraws, scale_columns, train
+from lava_vpr.engine.learning.integer_kernels import (
+    SILENT_STEPS,
+    IntegerPhase,
+    StepDraws,
+    column_sums,
+    scale_columns,
+    train,
+)
 from lava_vpr.engine.learning.stdp import PlasticState, mean_trace, of_both, start_weights
 from lava_vpr.engine.presentations import check_array, check_rates
 from lava_vpr.engine.random import derived_key, uniform
@@ -230,8 +237,7 @@ def step_draws(key: int, steps: int) -> StepDraws:
 
 def normalise(weights: NDArray[np.uint8], total: int, key: int) -> None:
     """Bring each neuron's weights (a column) in place to the sum ``total``, rounding stochastically."""
-    sums = np.maximum(1, weights.sum(axis=0, dtype=np.int64))
-    scale_columns(weights, total, sums, np.uint64(derived_key(key, "normalise")))
+    scale_columns(weights, total, np.maximum(1, column_sums(weights)), np.uint64(derived_key(key, "normalise")))
 
 
 def _kernel_phase(learning: IntegerLearning) -> IntegerPhase:

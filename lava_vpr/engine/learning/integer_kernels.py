@@ -49,6 +49,15 @@ class IntegerPhase(NamedTuple):
 
 
 @compiled(nogil=True)
+def column_sums(weights: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """The sum of each column, int64 (neurons,)."""
+    sums = np.zeros(weights.shape[1], np.int64)
+    for row in weights:
+        sums += row
+    return sums
+
+
+@compiled(nogil=True)
 def scale_columns(weights: NDArray[np.uint8], wanted: int, sizes: NDArray[np.int64], key: np.uint64) -> None:
     """Scale each column of ``weights`` in place by ``wanted`` / its size, at least 1, rounding stochastically.
 

@@ -186,9 +186,11 @@ def _train(
             for i in range(neurons):
                 drive[i] += weights[row, i]
         now, before = step % 3, (step + 1) % 3  # (step - 2) mod 3
-        drive *= gain
+        for i in range(neurons):
+            drive[i] *= gain
         if n_fired[before] > 0:
-            drive -= inhibition
+            for i in range(neurons):
+                drive[i] -= inhibition
             for s in range(n_fired[before]):
                 drive[fired[before, s]] += inhibition
         n_fired[now] = 0
