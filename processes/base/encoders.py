@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -95,3 +96,32 @@ class EncoderModel(PyLoihiProcessModel):
         self.emitted[chosen] += 1
         if self.shared is not None:
             self.shared[chosen] += 1
+
+
+class ListedEncoderProcess(EncoderProcess):
+    """An encoder that lists the spikes of a presentation when it begins."""
+
+    spikes_of: Callable[[NDArray[Any], np.uint64, int], tuple[NDArray[np.int64], NDArray[np.int32]]]
+    """Where the spikes of each step begin in a list of all, and the list, of rates, key and steps with input."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(spikes_of=self.spikes_of, **kwargs)
+
+    def compile_kernels(self) -> None:
+        """Compile the kernel before the models are forked."""
+        self.spikes_of(np.ones(1, f"uint{self.rate_bits}"), np.uint64(0), 1)
+
+
+class ListedEncoderModel(EncoderModel):
+    """The base of the models of a `ListedEncoderProcess`."""
+
+    starts: NDArray[np.int64]
+    listed: NDArray[np.int32]
+
+    def begin(self, image: int) -> None:
+        """List the spikes of a presentation, step by step."""
+        self.starts, self.listed = self.proc_params["spikes_of"](self.rates[image], self.keys[image], self.steps)
+
+    def members(self, step: int) -> NDArray[np.int32]:
+        """The inputs whose turn it is."""
+        return self.listed[self.starts[step] : self.starts[step + 1]]

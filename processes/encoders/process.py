@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -15,42 +14,13 @@ from lava_vpr.engine.inference.biases import LEVEL, THRESHOLD, biases, schedule,
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, INPUT_SHIFT, NO_MEMORY_DECAY
 from lava_vpr.processes.base.checked import RegisterVar, require
-from lava_vpr.processes.base.encoders import EncoderModel, EncoderProcess
+from lava_vpr.processes.base.encoders import EncoderModel, EncoderProcess, ListedEncoderModel, ListedEncoderProcess
 from lava_vpr.processes.base.library_parts import stand_for
 from lava_vpr.processes.base.magma import AbstractSubProcessModel, model_of
 from lava_vpr.processes.base.neurons import check_state
 
 
-class _ListedEncoder(EncoderProcess):
-    """An encoder that lists the spikes of a presentation when it begins."""
-
-    spikes_of: Callable[[NDArray[Any], np.uint64, int], tuple[NDArray[np.int64], NDArray[np.int32]]]
-    """Where the spikes of each step begin in a list of all, and the list, of rates, key and steps with input."""
-
-    def __init__(self, **kwargs: Any) -> None:
-        super().__init__(spikes_of=self.spikes_of, **kwargs)
-
-    def compile_kernels(self) -> None:
-        """Compile the kernel before the models are forked."""
-        self.spikes_of(np.ones(1, f"uint{self.rate_bits}"), np.uint64(0), 1)
-
-
-class _ListedModel(EncoderModel):
-    """The base of the models of a `_ListedEncoder`."""
-
-    starts: NDArray[np.int64]
-    listed: NDArray[np.int32]
-
-    def begin(self, image: int) -> None:
-        """List the spikes of a presentation, step by step."""
-        self.starts, self.listed = self.proc_params["spikes_of"](self.rates[image], self.keys[image], self.steps)
-
-    def members(self, step: int) -> NDArray[np.int32]:
-        """The inputs whose turn it is."""
-        return self.listed[self.starts[step] : self.starts[step + 1]]
-
-
-class PoissonEncoder(_ListedEncoder):
+class PoissonEncoder(ListedEncoderProcess):
     """Sends Poisson spikes, one presentation after another; after the last it is silent.
 
     In step t of the presentation with key k, input j spikes if a random number of 16 bits is below its rate::
@@ -72,11 +42,11 @@ class PoissonEncoder(_ListedEncoder):
 
 
 @model_of(PoissonEncoder, "fixed", "float")
-class PyPoissonEncoder(_ListedModel):
+class PyPoissonEncoder(ListedEncoderModel):
     """Inputs whose draw is below their rate."""
 
 
-class RegularEncoder(_ListedEncoder):
+class RegularEncoder(ListedEncoderProcess):
     """Sends the spikes of `engine.inference.biases.bias_input_spikes`, presentation after presentation, then none.
 
     Input j spikes every ``LEVEL // bias + 1`` steps, for the first time when its start membrane says. They are the
@@ -89,11 +59,11 @@ class RegularEncoder(_ListedEncoder):
 
 
 @model_of(RegularEncoder, "fixed", "float")
-class PyRegularEncoder(_ListedModel):
+class PyRegularEncoder(ListedEncoderModel):
     """Inputs whose interval has passed."""
 
 
-class FinePoissonEncoder(_ListedEncoder):
+class FinePoissonEncoder(ListedEncoderProcess):
     """Sends the draws of `lava_vpr.encoding.draw_spikes`, one presentation after another; then it is silent.
 
     Rates are in units of 2^-32. Arguments, port and Var as `lava_vpr.processes.base.encoders.EncoderProcess`.
@@ -104,7 +74,7 @@ class FinePoissonEncoder(_ListedEncoder):
 
 
 @model_of(FinePoissonEncoder, "float")
-class PyFinePoissonEncoder(_ListedModel):
+class PyFinePoissonEncoder(ListedEncoderModel):
     """Inputs whose draw is below their rate of 32 bits."""
 
 

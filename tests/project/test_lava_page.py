@@ -14,7 +14,12 @@ from support.common import children
 ROOT = Path(__file__).resolve().parents[2]
 LAVA_PAGE = ROOT / "docs" / "lava.md"
 
-BASES = {"LifProcess": "neurons.py", "EncoderProcess": "encoders.py", "NetworkProcess": "network.py"}
+BASES = {
+    "LifProcess": "neurons.py",
+    "EncoderProcess": "encoders.py",
+    "ListedEncoderProcess": "encoders.py",
+    "NetworkProcess": "network.py",
+}
 """The classes in `processes/base` that make arguments, ports and Vars for others: their files."""
 
 
