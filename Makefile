@@ -118,9 +118,9 @@ sanafe: $(STAMP) .venv-sanafe/.installed ## The cost model's closed form against
 
 .venv-torch/.installed: pyproject.toml requirements/lock.txt benchmarks/exchange/requirements.txt
 	@python=$$(PYTHON="$(PYTHON)" scripts/find_python.sh 3.10) && "$$python" -m venv --clear .venv-torch
-	@.venv-torch/bin/python -m pip install $(QUIET) --disable-pip-version-check -r requirements/lock.txt
-	@.venv-torch/bin/python -m pip install $(QUIET) --disable-pip-version-check --no-deps -r benchmarks/exchange/requirements.txt
-	@.venv-torch/bin/python -m pip install $(QUIET) --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@.venv-torch/bin/python -m $(INSTALL) -r requirements/lock.txt
+	@.venv-torch/bin/python -m $(INSTALL) --no-deps -r benchmarks/exchange/requirements.txt
+	@.venv-torch/bin/python -m $(INSTALL) --no-build-isolation --no-deps --editable .
 	@touch .venv-torch/.installed
 
 ci-torch: images .venv-torch/.installed ## All that needs torch, apart from CI; writes docs/logs/ci-torch.log (LAVA_VPR_DATA; an environment of 5 GB)

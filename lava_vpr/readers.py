@@ -114,7 +114,7 @@ class Reader:
         open: What is in it, stored or live; an `InputError` of one line where it cannot be used.
         takes: Whether a path that exists is one; it may look into the file, but not read all of it.
         suffixes: How names of its files end, in small letters, for messages; () of a folder.
-        named: Whether a text that is no path names one, which can only be watched; true of what is not None or False.
+        named: Whether a text that is no path names one, which can only be watched: any true value says so.
     """
 
     name: str

@@ -76,7 +76,7 @@ def _signals() -> None:
 def _disks() -> Iterator[None]:
     """No test waits until a disk has what it writes: none could see what a power cut would leave."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(os, "fsync", os.fstat)  # it refuses the same files
+        patch.setattr(os, "fsync", os.fstat)  # it refuses closed files, too
         yield
 
 

@@ -35,6 +35,7 @@ def commands(place: Path) -> dict[str, tuple[object, ...]]:
         "python, nothing else": (*PYTHON, "pass"),
         "import numpy": (*PYTHON, "import numpy"),
         "import numba, cv2": (*PYTHON, "import numba, cv2"),
+        "import lava_vpr.localizer": (*PYTHON, "import lava_vpr.localizer"),
         "import numba, compile x -> x": (*PYTHON, "import numba as n; n.njit(n.int64(n.int64))(lambda x: x)"),
         "lava-vpr --version": (*PROGRAM, "--version"),
     }

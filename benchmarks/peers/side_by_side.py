@@ -156,8 +156,8 @@ def parity(config: Config, state: ConductanceState, images: NDArray[np.uint8], n
     for k in range(n):
         key = presentation_key(config.seed, "train", k)
         counts, _ = train_presentation(ours, rates[k % len(rates)], key, config)
-        spikes = draw_spikes(rates[k % len(rates)], key, config.network.steps)
-        their_counts, _ = theirs.present_spikes(*np.nonzero(spikes))
+        drawn = draw_spikes(rates[k % len(rates)], key, config.network.steps)
+        their_counts, _ = theirs.present_spikes(*np.nonzero(drawn))
         equal += np.array_equal(counts, their_counts)
         spikes += int(counts.sum())
     difference = float(np.abs(ours.weights - theirs.weights).max())

@@ -1,5 +1,5 @@
-"""The boards that a network is deployed to: their limits, and how they store, time and clear: how each comes to rest
-between two queries, by the mechanisms that fulfil the contract in `docs/network.md`."""
+"""The boards that a network is deployed to: their limits, how they store and time, and how states come to rest between
+two queries (the contract in `docs/network.md`)."""
 
 from __future__ import annotations
 

@@ -28,10 +28,10 @@ class Estimate:
     nominal: float
     high: float
 
-    @classmethod
-    def of(cls, value: Callable[[Level], float]) -> Estimate:
+    @staticmethod
+    def of(value: Callable[[Level], float]) -> Estimate:
         """The estimate whose figure at each level is ``value`` of that level."""
-        return cls(*(value(level) for level in LEVELS))
+        return Estimate(*(value(level) for level in LEVELS))
 
     def __add__(self, other: Estimate) -> Estimate:
         return Estimate(self.low + other.low, self.nominal + other.nominal, self.high + other.high)
@@ -80,16 +80,6 @@ class Constant(Estimate):
     what: str
     unit: str
     source: str
-
-    def as_json(self) -> dict[str, Any]:
-        """The constant as scripts read it."""
-        return {
-            "name": self.name,
-            "what": self.what,
-            "unit": self.unit,
-            **super().as_json(),
-            "source": self.source,
-        }
 
 
 def _both(name: str, what: str, unit: str, sana_fe: float, davies: float, note: str = "") -> Constant:

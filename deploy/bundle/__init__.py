@@ -1,1 +1,1 @@
-"""The folder that holds all that a board gets: written, read, and opened as a network again."""
+"""A model in fewer bits, the folder that holds all that a board gets, and its host program, run from here."""

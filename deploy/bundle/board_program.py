@@ -44,6 +44,23 @@ from lava_vpr.storage.writing import temporary_folder
 LOOK = 0.05  # seconds between two looks at the program
 GRACE = 15.0  # seconds for it to let go of the board
 KEPT = 1 << 16  # bytes of each of its texts that are kept, the last ones
+NOTES = logging.getLogger("lava_vpr")
+PYTHON = "NXSDK_PYTHON"
+ATTEMPTS = 2
+IMPORT_SECONDS = 60.0
+PATIENCE = 700.0  # seconds without progress; the program gives up sooner, unless it hangs
+
+_FIND = (
+    "import sys; sys.path[:] = [path for path in sys.path if path]; "  # not where we stand, which may be a bundle
+    "import importlib.util; sys.exit(3 if importlib.util.find_spec('nxsdk') is None else 0)"
+)
+_ERRORS: dict[str, type[LavaVprError]] = {
+    "bundle": BundleError,
+    "input": NetworkLimitError,
+    "missing": BackendUnavailableError,
+    "start": BackendUnavailableError,
+}
+"""Stages of the program at which another attempt would end alike, and what their failure is to the caller."""
 
 
 @dataclass(frozen=True)
@@ -184,25 +201,6 @@ def _tail(path: Path) -> str:
         return harmless(file.read(KEPT).decode(errors="replace"))
 
 
-NOTES = logging.getLogger("lava_vpr")
-PYTHON = "NXSDK_PYTHON"
-ATTEMPTS = 2
-IMPORT_SECONDS = 60.0
-PATIENCE = 700.0  # seconds without progress; the program gives up sooner, unless it hangs
-
-_FIND = (
-    "import sys; sys.path[:] = [path for path in sys.path if path]; "  # not where we stand, which may be a bundle
-    "import importlib.util; sys.exit(3 if importlib.util.find_spec('nxsdk') is None else 0)"
-)
-_ERRORS: dict[str, type[LavaVprError]] = {
-    "bundle": BundleError,
-    "input": NetworkLimitError,
-    "missing": BackendUnavailableError,
-    "start": BackendUnavailableError,
-}
-"""Stages of the program at which another attempt would end alike, and what their failure is to the caller."""
-
-
 def _has_nxsdk(python: str) -> str | None:
     """Why ``python`` cannot import NxSDK; None if it has it."""
     source = "it is Intel's closed package, from its neuromorphic research community"
@@ -238,7 +236,7 @@ def run_bundle(
     is started afresh, which is logged as a warning (`lava_vpr`).
 
     Args:
-        bundle: The bundle, whose data the shipped program gets (`lava_vpr.deploy.bundle.board_program`).
+        bundle: The bundle, whose data the shipped program gets (`lay_out`).
         rates: Spikes a step in units of 2^-16, uint16 (n, inputs).
         keys: Keys of the presentations, uint64 (n,).
         bias: Biases of each presentation in units of v, int32 (n, neurons); None: always the bundle's.

@@ -155,9 +155,9 @@ def network(bundle: ReadBundle) -> FixedNetwork:
     Raises:
         BundleError: a file is missing or of the wrong kind, or differs from what this version writes of that network.
     """
-    parts, numbers = (core_images(bundle), host_tables(bundle)), scalars(bundle)
+    images, tables, numbers = core_images(bundle), host_tables(bundle), scalars(bundle)
     try:
-        plan = rebuilding.plan_of(*parts, numbers, BOARDS[bundle.target])
+        plan = rebuilding.rebuilt_plan(images, tables, numbers, BOARDS[bundle.target])
         files = network_files(plan)
     except ModelFileError as error:
         raise BundleError(f"{bundle.at(CORES)}: {error}") from None

@@ -178,7 +178,7 @@ def mapping(plan: Plan) -> dict[str, Any]:
     """What each core holds, needs and is expected to do in a step with input, and its mean modelled time, as JSON."""
     rows = []
     for core in plan.cores:
-        load: dict[str, Any] = {name: round(load, 6) for name, load in asdict(core.load).items() if name != "busy"}
+        load: dict[str, Any] = {name: round(value, 6) for name, value in asdict(core.load).items() if name != "busy"}
         load["nanoseconds"] = "unknown" if core.microseconds is None else round(1e3 * core.microseconds, 6)
         needs = {name: "unknown" if value is None else value for name, value in asdict(core.needs).items()}
         rows.append(

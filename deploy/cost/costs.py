@@ -330,7 +330,7 @@ def _static(plan: Plan, milliseconds: Estimate, constants: CostConstants) -> Est
 
 
 def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Any]:
-    """What `lava_vpr.deploy.boards.board` says, with what it takes, and what steps of rest would."""
+    """What the board's `Clearing` says, with what it takes, and what steps of rest would."""
     microjoules = _outside_steps(plan, constants)["clearing of states"]
     most = max(counts_on_chips(plan, "exc").values(), default=0)  # each chip's processor writes its own
     told = {

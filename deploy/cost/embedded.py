@@ -183,10 +183,9 @@ def host_milliseconds(plan: Plan, events: EventCounts, constants: CostConstants)
 
 def bias_milliseconds(plan: Plan, constants: CostConstants) -> Estimate:
     """Time of the biases of an adapted query: packets to each chip, a word a neuron, and what its processor does."""
-    sizes = counts_on_chips(plan, "exc").values()
-    packets = sum(_packets(size, ROOM) for size in sizes)
-    messages = Estimate(packets, packets, sum(sizes))
     chips = {chip: members(plan, chip, "exc") for chip in chips_of(plan)}
+    packets = sum(_packets(exc, ROOM) for exc, _ in chips.values())
+    messages = Estimate(packets, packets, sum(exc for exc, _ in chips.values()))
     written = {chip: Accesses(BIAS_ACCESSES * exc + cores, _received(exc)) for chip, (exc, cores) in chips.items()}
     return messages * (constants.host_message.nominal / 1e3) + milliseconds(written, constants)
 

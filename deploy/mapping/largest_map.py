@@ -215,15 +215,16 @@ def cases(config: Config, board: Board, weight_bits: int | None) -> tuple[MapCas
     Args:
         config: The settings.
         board: The board.
-        weight_bits: Bits of a weight's magnitude, those of ``config``; None: every width that ``board`` stores.
+        weight_bits: Bits of a weight's magnitude; None: every width that ``board`` stores.
     Raises:
         ConfigError: ``config`` learns no integer network.
     """
     settings = integer_config(config, board.title)
-    widths = range(1, max(board.weight_bits) - settings.network.signed + 1)
+    stored = range(1, max(board.weight_bits) - settings.network.signed + 1)
+    widths = stored if weight_bits is None else (weight_bits,)
     wide = [replace(config, network=replace(settings.network, weight_bits=bits)) for bits in widths]
     kinds: tuple[RowKind, ...] = ("sparse", "dense") if board.memory.public else ("unknown",)
-    return tuple(product(wide if weight_bits is None else [config], kinds, NETWORKS))
+    return tuple(product(wide, kinds, NETWORKS))
 
 
 def table(

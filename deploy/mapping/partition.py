@@ -219,7 +219,7 @@ def cause(sizing: Sizing) -> str:
             f"the weights of {network.neurons:,} neurons, some of which stand on a core together, need more than the "
             f"{cores:,} cores of {board.memory.core_bytes:,} bytes of {board.title}"
         )
-    limits = {"axons_in": board.axons_in, "axons_out": board.axons_out, "synapse_words": sizing.board.memory.capacity}
+    limits = {"axons_in": board.axons_in, "axons_out": board.axons_out, "synapse_words": board.memory.capacity}
     listened = int(sizing.listened.max())
     for name in ("axons_in", "synapse_words"):
         if listened > limits[name]:

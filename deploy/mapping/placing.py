@@ -25,7 +25,7 @@ def fitting(sizing: Sizing, sizes: Integers, active: Integers, words: Integers) 
         ((1 + sizing.counters) * sizes <= board.compartments)
         & (active + sizing.inhibits + sizing.counters * sizes <= board.axons_in)
         & (2 * sizes <= board.axons_out)
-        & (words <= sizing.board.memory.capacity)
+        & (words <= board.memory.capacity)
     )
 
 
@@ -149,7 +149,7 @@ def _empty(sizing: Sizing) -> Integers:
             min(board.compartments, board.memory.indexable),
             board.axons_in,
             board.axons_out,
-            sizing.board.memory.capacity,
+            board.memory.capacity,
         ]
     )
 

@@ -118,7 +118,7 @@ def outline(scalars: Mapping[str, int]) -> FixedNetwork:
     return FixedNetwork.of_scalars(weights, np.broadcast_to(np.int32(0), (neurons,)), scalars)
 
 
-def plan_of(images: Sequence[CoreImage], tables: HostTables, scalars: Mapping[str, int], board: Board) -> Plan:
+def rebuilt_plan(images: Sequence[CoreImage], tables: HostTables, scalars: Mapping[str, int], board: Board) -> Plan:
     """The network that images hold, and where it stands: weights from memory, biases from compartments; all else as
     ``scalars`` has it. Images and tables are sound where they are those of this plan.
 

@@ -192,7 +192,7 @@ class Rivals:
                 decoder, counts = self.template.config.decoder.default, self._of_template(tau)
                 yield Scored(name, decoder, decoded(self.template, counts, decoder))
                 continue
-            seen, references = self._seen(name)
+            seen, references = self.seen(name)
             scores = InBlocks(len(seen), self.model.places, partial(self._similar, name, references, seen))
             if tau is not None:
                 similar, own = (self._similar(name, references, items) for items in (seen, references))
@@ -208,7 +208,7 @@ class Rivals:
         counts, _ = HostBackend(self.pool).count_spikes(self.template, shown)
         return summed(counts, self.asking.views)
 
-    def _seen(self, name: str) -> tuple[NDArray[Any], NDArray[Any]]:
+    def seen(self, name: str) -> tuple[NDArray[Any], NDArray[Any]]:
         """What a baseline but ``template`` sees of the queries and of the references, an item each."""
         if name in _COMPARED:
             return compared(self.model, self.queries, name)

@@ -58,7 +58,7 @@ class Parsed(click.ParamType):
 
 
 def _with_commas(numbers: Iterable[float]) -> str:
-    return ",".join(f"{number:g}" for number in numbers)
+    return ",".join(repr(float(number)).removesuffix(".0") for number in numbers)
 
 
 def whole_numbers(least: int = 1) -> Parsed:
@@ -269,8 +269,8 @@ def _alone(display: Progress | Status, note: Callable[[str], None]) -> Iterator[
         waiting.stop()
     _SHOWN.append(shown)
     COMPILING.append(compiling)
-    display.start()
     try:
+        display.start()
         yield
     finally:
         COMPILING.remove(compiling)
@@ -299,7 +299,7 @@ def stage(text: str) -> Iterator[None]:
         return
     from rich.status import Status
 
-    status = Status(Text(harmless(text)), console=stderr)
+    status = Status(Text(harmless(text)), console=stderr, spinner_style="", refresh_per_second=10)
 
     def say(more: str) -> None:
         status.update(Text(harmless(f"{text}: {more}" if more else text)), spinner="dots")  # which shows it at once

@@ -236,13 +236,15 @@ Files = Mapping[Path | None, str | dict[str, Any]]
 def show_results(
     said: Iterable[Table | str], files: Files, page: Path | None = None, page_of: Callable[[], str] = str
 ) -> list[Table]:
-    """Write the files, then print what is said, since whoever reads it may go away; the tables of it.
+    """Write the files, then print what is said, since whoever reads it may go away.
 
     Args:
         said: Tables and lines, for the terminal.
         files: What is written beside.
         page: Where the page goes; None: nowhere.
         page_of: The HTML of the page.
+    Returns:
+        The tables of what is said.
     """
     for path, content in files.items():
         if path is not None:

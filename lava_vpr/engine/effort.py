@@ -39,7 +39,7 @@ def training_effort(config: Config, neurons: int) -> Effort:
     if isinstance(learning, StdpLearning):
         spikes = min(inputs, config.encoder.train_spikes)
         operations = learning.steps * (neurons * (1 + spikes) + inputs)
-        return Effort(math.ceil(operations), 40 * (inputs + neurons))
+        return Effort(math.ceil(operations), math.ceil(4 * learning.steps * spikes) + 40 * (inputs + neurons))
     if isinstance(network, LifNetwork):
         raise ConfigError("network.model 'lif' does not learn by conductance rules; use the preset paper")
     arrivals = _arrivals(config, network)

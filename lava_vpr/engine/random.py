@@ -26,12 +26,14 @@ _MASK = (1 << 64) - 1
 ROLES = ("train", "response", "query", "start", "delay", "calibration", "projection")
 
 
-@compiled(inline="always")
-def mix(x: np.uint64) -> np.uint64:
-    """SplitMix64's finaliser, a bijection of 64-bit words."""
+def _scrambled(x: Any) -> Any:
+    """SplitMix64's finaliser, a bijection of 64-bit words, of one or of an array."""
     x = (x ^ (x >> _S30)) * _MIX_1
     x = (x ^ (x >> _S27)) * _MIX_2
     return x ^ (x >> _S31)
+
+
+mix = compiled(inline="always")(_scrambled)
 
 
 def _mix(x: int) -> int:
@@ -98,13 +100,13 @@ def derived_key(key: int, purpose: str) -> int:
 def presentation_keys(seed: int, role: str, images: NDArray[Any], epoch: int = 0) -> NDArray[np.uint64]:
     """`presentation_key` of many images, uint64 (n,)."""
     start = np.uint64(_key_before(seed, role, epoch))
-    return np.asarray(mix.py_func((start ^ images.astype(np.uint64)) + GOLDEN))
+    return np.asarray(_scrambled((start ^ images.astype(np.uint64)) + GOLDEN))
 
 
 def hashes(key: int, blocks: NDArray[np.int64], inputs: NDArray[np.int64]) -> NDArray[np.uint64]:
     """The 64-bit hashes of all (block, input) pairs, shape (len(blocks), len(inputs)); plain numpy."""
     counter = (blocks.astype(np.uint64)[:, None] << _S32) + inputs.astype(np.uint64)[None, :]
-    return np.asarray(mix.py_func(np.uint64(key) + counter * GOLDEN))
+    return np.asarray(_scrambled(np.uint64(key) + counter * GOLDEN))
 
 
 def draws(key: int, steps: int, inputs: int, bits: int = 16) -> NDArray[np.uint64]:

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.images.windows import UNKNOWN_LENGTHS, DamagedError, Film, Part, Window, printable, riff_chunk
+from lava_vpr.images.windows import UNKNOWN_LENGTHS, DamagedError, Film, Part, Window, part_kind, riff_chunk
 from lava_vpr.storage.limits import within
 
 _KNOWN = "AVI, MP4, QuickTime, Matroska, WebM or MPEG program stream"
@@ -45,7 +45,7 @@ def _box(file: Window, position: int, end: int) -> Part:
         length = end - position  # up to the end of the file
     if length < start - position:
         raise DamagedError(f"no part begins at byte {position:,}, where one should")
-    return printable(kind, position), start, position + length
+    return part_kind(kind, position), start, position + length
 
 
 class _Track:

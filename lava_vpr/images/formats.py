@@ -37,12 +37,12 @@ _ASKED |= {_TILE_WIDTH, _TILE_HEIGHT, _TILES, _TILE_BYTES}
 def _entries(
     file: Window, asked: Collection[int], types: Mapping[int, str] = _TYPES
 ) -> Iterator[tuple[int, tuple[int, ...]]]:
-    """The entries of the first directory that are ``asked`` for, by tag, and of these ``types``: tag and numbers.
+    """The entries of the first directory that are ``asked`` for, each once, and of these ``types``: tag and numbers.
 
     Raises:
         DamagedError: one of them is not there.
     """
-    order = "<" if file.at(0, 2) == b"II" else ">"
+    asked, order = set(asked), "<" if file.at(0, 2) == b"II" else ">"
     big = file.at(2, 2) in (b"+\0", b"\0+")
     (position,) = file.numbers(order + ("Q" if big else "I"), 8 if big else 4)
     (count,) = file.numbers(order + ("Q" if big else "H"), position)
@@ -50,6 +50,7 @@ def _entries(
     for entry in range(position, position + count * size, size):
         tag, kind, number = file.numbers(order + ("HHQ" if big else "HHI"), entry)
         if tag in asked and kind in types:
+            asked.discard(tag)  # of equal ones the first
             within("image_parts", number)
             layout, start = f"{order}{number}{types[kind]}", entry + size - field
             if struct.calcsize(layout) > field:
@@ -188,7 +189,7 @@ def _walk_tiff(data: bytes, file: Window) -> Header:
         DamagedError: part of the file is missing.
         InputError: its samples are no unsigned numbers of up to 16 bits.
     """
-    tags = dict(reversed([*_entries(file, _ASKED)]))  # of equal ones the first
+    tags = dict(_entries(file, _ASKED))
     width, height = _first(tags, _WIDTH), _first(tags, _HEIGHT)
     bits, form, samples = max(tags.get(_BITS) or (1,)), _first(tags, _FORMAT, 1), _first(tags, _SAMPLES, 1)
     if form in _FORMATS and (bits > 16 or form > 1):

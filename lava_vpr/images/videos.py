@@ -110,7 +110,7 @@ def _retrieved(capture: cv2.VideoCapture, fault: str) -> NDArray[np.uint8]:
 
 
 CAMERA = re.compile(r"(?:camera:|/dev/video)(\d{1,3})|rtsps?://.*", re.DOTALL)
-"""What names a camera: a number, which it holds, or an address."""
+"""The name of a camera: its number (group 1), or an RTSP address."""
 _WAIT_MS = 5000
 """Milliseconds after which a stream that does not answer is given up."""
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 import struct
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from lava_vpr.storage.limits import within
+from lava_vpr.storage.limits import limit, within
 
 
 class DamagedError(Exception):
@@ -45,7 +46,7 @@ class Window:
     """
 
     def __init__(self, content: int | bytes, counted: str) -> None:
-        self.content, self.counted, self.parts = content, counted, 0
+        self.content, self.counted, self.most, self.parts = content, counted, limit(counted), 0
         self.size = os.fstat(content).st_size if isinstance(content, int) else len(content)
 
     def at(self, position: int, length: int) -> bytes:
@@ -81,7 +82,8 @@ class Window:
         if beyond is not None and end > beyond:
             raise DamagedError("a part reaches beyond the part around it")
         self.parts += 1
-        within(self.counted, self.parts)
+        if self.parts > self.most:
+            within(self.counted, self.parts)
         return end
 
     def walk(
@@ -118,13 +120,16 @@ class Window:
                 position = start
 
 
-def printable(kind: bytes, position: int) -> bytes:
+_KIND = re.compile(rb"[\x20-\x7e\xa9]{4}")
+
+
+def part_kind(kind: bytes, position: int) -> bytes:
     """``kind``, four characters that name a kind of part.
 
     Raises:
         DamagedError: they are none: no part begins at ``position``.
     """
-    if not all(0x20 <= c < 0x7F or c == 0xA9 for c in kind):
+    if not _KIND.fullmatch(kind):
         raise DamagedError(f"no part begins at byte {position:,}, where one should")
     return kind
 
@@ -133,7 +138,7 @@ def riff_chunk(file: Window, position: int, end: int) -> Part:
     """A chunk of a RIFF file, AVI or WebP; of a list, what follows its form. That of an endless recording is empty."""
     kind, length = file.numbers("<4sI", position)
     start, stop = position + 8, position + 8 + length
-    if printable(kind, position) == b"LIST":
+    if part_kind(kind, position) == b"LIST":
         start += 4
         stop = start if length in UNKNOWN_LENGTHS and file.at(start - 4, 4) == b"movi" else stop
     return kind, start, stop

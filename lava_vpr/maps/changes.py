@@ -135,7 +135,7 @@ def _encoded(images: Any, model: Model, names: Sequence[str] | None) -> Sequence
 
 
 def _known(model: Model, places: Iterable[int], path: Path | None) -> list[int]:
-    """The absolute indices ``places``, each seen to be one of ``model``; there may be more than any memory holds.
+    """The absolute indices ``places``, each seen to be one of ``model``; ``places`` may be too many to be listed.
 
     Raises:
         InputError: none is given, or one is no place of it.

@@ -36,14 +36,14 @@ FIGURES = ("released", "recall_at_100_precision", "recall_at_1", "auc")
 ``pr="vprsnn"``) and exactly, every query among all; R@1; area under the exact precision-recall curve."""
 
 
-def digest(part: Traverse | NDArray[np.float64]) -> bytes:
+def digest(part: Traverse | NDArray[Any]) -> bytes:
     """A hash of the files of images, and of which frames of a video they are; of descriptors, of their values.
 
     Raises:
         InputError: a file cannot be read.
     """
     if not isinstance(part, Traverse):
-        return hashlib.sha256(np.ascontiguousarray(part).tobytes()).digest()
+        return hashlib.sha256(np.ascontiguousarray(part, np.float64).tobytes()).digest()
     hashed = hashlib.sha256(json.dumps([] if part.frames is None else part.frames.tolist()).encode())
     for path in map(Path, part.paths):
         try:
@@ -65,7 +65,7 @@ class SectionTask:
         network: Name of a preset, or `DESCRIPTORS`.
         seed: Of start weights and spikes.
         inputs: The places in each reference traverse, then their queries in the same order: traverses, encoded once
-            they were `read`; or descriptors, float64 (n, dimensions).
+            they were `read`; or descriptors (n, dimensions).
         epochs: Times that every image is shown; None: as often as the preset says.
     """
 
@@ -125,7 +125,7 @@ def read(task: SectionTask) -> SectionTask:
         InputError: an image cannot be read.
     """
     if task.network == DESCRIPTORS:
-        return task
+        return replace(task, inputs=tuple(np.asarray(part, np.float64) for part in task.inputs))
     return replace(task, inputs=tuple(encode_traverse(part, task.config.encoder, Keep.ALL) for part in task.inputs))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,11 +163,12 @@ def tasks(
         return [SectionTask(source.dataset.name, k, network, seed, source.images_of(k), epochs) for k in sections]
     if descriptors is None:
         return []
-    return [SectionTask(source.dataset.name, k, network, 0, _rows(source, descriptors, k)) for k in sections]
+    loaded = [(path, load_descriptors(path)) for path in descriptors]
+    return [SectionTask(source.dataset.name, k, network, 0, _rows(source, loaded, k)) for k in sections]
 
 
-def _rows(source: Source, files: tuple[Path, Path], section: int) -> tuple[NDArray[np.float64], ...]:
-    """Descriptors of a section, float64 (n, dimensions): references, traverse after traverse, and queries.
+def _rows(source: Source, files: Sequence[tuple[Path, NDArray[Any]]], section: int) -> tuple[NDArray[Any], ...]:
+    """Descriptors of a section, (n, dimensions): references, traverse after traverse, and queries.
 
     A file has a row for each place, or one for each image of the whole traverses; of references the traverses follow
     each other.
@@ -176,8 +178,7 @@ def _rows(source: Source, files: tuple[Path, Path], section: int) -> tuple[NDArr
     """
     found = []
     last = len(source.traverses) - 1
-    for path, numbers in zip(files, (range(last), range(last, last + 1)), strict=True):
-        vectors = load_descriptors(path)
+    for (path, vectors), numbers in zip(files, (range(last), range(last, last + 1)), strict=True):
         rows = len(vectors)
         by_place, by_image = source.places * len(numbers), sum(source.images[k] for k in numbers)
         if rows not in (by_place, by_image):
@@ -193,5 +194,5 @@ def _rows(source: Source, files: tuple[Path, Path], section: int) -> tuple[NDArr
             one = places if rows == by_place else source.traverses[k].indices[places]
             chosen += (start + one).tolist()
             start += source.places if rows == by_place else source.images[k]
-        found.append(np.asarray(vectors[chosen], np.float64))
+        found.append(vectors[chosen])
     return tuple(found)

@@ -62,7 +62,8 @@ def read_table(path: Path) -> Track:
     """The positions in a CSV file, and their times if it has a column of them.
 
     Columns x,y (or easting,northing) are metres, lat,lon (latitude,longitude) degrees; time (timestamp, stamp, t) is in
-    seconds or a date (`lava_vpr.positions.frames`). Without a header there are two, x and y. Others are ignored.
+    seconds or a date (`lava_vpr.positions.frames`). Without a header there are two columns, x and y. Other
+    columns are ignored.
 
     Raises:
         InputError: unreadable, no such columns, a cell that is no number in its range, or a time before the one above;

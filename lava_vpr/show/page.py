@@ -76,8 +76,8 @@ def terms(pairs: Iterable[tuple[str, str]]) -> str:
 
 def reproduction(command: str, note: str = "") -> Section:
     """The section with the command that repeats a page."""
-    shown = f'<div class="panel"><h3>Command</h3><pre class="command"><code>{safe(command)}</code></pre></div>'
-    return Section("setup", "Reproduction", [shown], "Reproduction", note)
+    panel = f'<div class="panel"><h3>Command</h3><pre class="command"><code>{safe(command)}</code></pre></div>'
+    return Section("setup", "Reproduction", [panel], "Reproduction", note)
 
 
 def document(

@@ -324,7 +324,7 @@ def _array_entries(path: Path, query_indices: NDArray[np.int64], place_indices: 
         queries = _row_queries(path, len(array), query_indices).tolist()
         return zip(queries, ([place] if place >= 0 else [] for place in array.tolist()), strict=True)
     if array.ndim == 2 and array.shape[1] == 2 and whole:
-        return ((query, [place]) for query, place in array.tolist())
+        return ((int(query), [int(place)]) for query, place in array)
     if array.ndim != 2 or not np.isin(array, (0, 1)).all():
         raise InputError(f"{shown(path)}: holds {array.dtype} {array.shape}; save {wants}")
     queries = _row_queries(path, array.shape[0], query_indices).tolist()

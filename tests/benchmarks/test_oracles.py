@@ -299,7 +299,7 @@ def test_scripts_need_nothing_of_this_project_and_versions_are_pinned(simulator:
 @pytest.mark.slow
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_the_simulator_agrees_or_differs_by_named_rules(simulator: str) -> None:
-    if not python_of(simulator).exists():
+    if not (python_of(simulator).parents[1] / ".installed").exists():
         pytest.skip(f"{simulator} is not installed: make oracles")
     verdicts = oracles.compare(simulator, 50, 4 if os.environ.get("LAVA_VPR_DATA") else 0)
     assert failures(verdicts) == []

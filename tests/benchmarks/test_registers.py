@@ -26,7 +26,9 @@ from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.errors import InputError
 
-needs_nengo = pytest.mark.skipif(not PYTHON.exists(), reason="nengo-loihi is not installed: make oracles")
+needs_nengo = pytest.mark.skipif(
+    not (PYTHON.parents[1] / ".installed").exists(), reason="nengo-loihi is not installed: make oracles"
+)
 
 
 def small_case(folder: Path, number: int = 2) -> RegisterCase:

@@ -17,7 +17,6 @@ import pytest
 from click.testing import CliRunner
 from support.common import children
 from support.common.commands import CONFIG, PLACES, fails, images, listed, recall, run
-from support.common.imagefiles import video
 
 from lava_vpr import __version__, model
 from lava_vpr.backends.lava import lava_missing
@@ -57,18 +56,6 @@ def test_demo_twice_into_the_same_folder(tmp_path: Path, monkeypatch: pytest.Mon
     }
     values = json.loads(results[0][1])
     assert (values["places"], values["queries"], values["network"]["weight_bits"]) == (12, 12, 3)
-
-
-def test_synth_writes_two_journeys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert run("synth", "s", "--places", 3, "--seed", 7).stdout == "3 places: s/reference, s/query\n"
-    names = [f"place_{k:05d}.png" for k in range(3)]
-    assert [p.name for p in images("s/reference")] == [p.name for p in images("s/query")] == names
-    run("synth", "t", "--places", 3, "--seed", 7)
-    run("synth", "u", "--places", 3, "--seed", 8)
-    first = Path("s/query", names[1]).read_bytes()
-    assert first == Path("t/query", names[1]).read_bytes()
-    assert first != Path("u/query", names[1]).read_bytes()
 
 
 def test_doctor_says_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -168,17 +155,6 @@ def test_version_and_the_module() -> None:
 # --- train -----------------------------------------------------------------------------------------------------------
 
 
-def test_train_is_quiet_in_a_pipe(here: Path) -> None:
-    result = run("train", "reference", "-o", "n.lvpr", "--config", "quick.toml")
-    pattern = (
-        r"learned 8 places in \d+\.\d s: 8 neurons, 3-bit weights, \d+\.\d spikes per image, "
-        r"\d neurons used, \d of 8 places covered\nmodel: n\.lvpr\n"
-    )
-    assert re.fullmatch(pattern, result.stdout), result.stdout
-    assert not list(here.glob("*.checkpoint"))
-    assert not list(here.glob(".n.lvpr*"))
-
-
 def test_equal_trainings_write_equal_bytes(here: Path) -> None:
     for name, jobs in (("a", 1), ("b", 2)):
         run("train", "reference", "-o", f"{name}.lvpr", "--config", "quick.toml", "--stretch", 3, "--jobs", jobs)
@@ -240,14 +216,6 @@ def test_several_references_and_lists(here: Path) -> None:
     listed("back.txt", images("reference")[::-1])
     run("train", "back.txt", "-o", "back.lvpr", "--config", "quick.toml", "--places", "0:3")
     assert model.load(Path("back.lvpr")).place_names == tuple(f"place_{k:05d}.png" for k in (7, 6, 5))
-
-
-def test_a_video_is_a_traverse(here: Path) -> None:
-    video(Path("v.avi"), 20, marked=True)
-    text = run("train", "v.avi", "-o", "v.lvpr", "--config", "quick.toml", "--every", 0.5).stdout
-    assert text.startswith("learned 4 places in ")
-    learned = model.load(Path("v.lvpr"))
-    assert learned.place_names == ("frame 000000", "frame 000005", "frame 000010", "frame 000015")
 
 
 # --- output files ----------------------------------------------------------------------------------------------------

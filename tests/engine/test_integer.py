@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from lava_vpr.configfile import update
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.inference.biases import bias_input_spikes
-from lava_vpr.engine.learning import integer, integer_kernels
+from lava_vpr.engine.learning import integer, integer_kernels, stdp
 from lava_vpr.engine.learning.integer import IntegerLearning, WeightRule
 from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.engine.random import presentation_key
@@ -258,3 +259,17 @@ def test_a_stretch_learns_what_it_is_shown() -> None:
     assert np.array_equal(theta, before >> 1)
     assert trainer.present(rates, 9, 0, last).any()
     assert np.array_equal(theta, before >> 1)
+
+
+@pytest.mark.parametrize("module", [integer, stdp])
+def test_thresholds_are_scaled_once_where_the_phase_changes(module: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    arithmetic = "integer" if module is integer else "float"
+    config = update(preset("loihi"), {"learning": {"arithmetic": arithmetic, "competition_epochs": 2}})
+    trainer, scaled, phases = StdpTrainer(config, Stretch(0, 4, 0, 4), 0), [], []
+    monkeypatch.setattr(module, "scale_thresholds", lambda theta, by: scaled.append((epoch, by)))
+    monkeypatch.setattr(module, "present", lambda state, phase, *_: (phases.append(phase),))
+    for epoch in range(4):
+        trainer.begin_epoch(epoch)
+        trainer.present(np.zeros(config.encoder.inputs, np.uint16), epoch, 0, epoch)
+    assert scaled == [(2, config.learning.consolidation_threshold)]
+    assert [phase is trainer._phases[1] for phase in phases] == [False, False, True, True]

@@ -100,6 +100,7 @@ def test_kernel_draws_the_defined_spikes(with_rate: int, steps: int, unit: type[
     rng, most = np.random.default_rng(with_rate), np.iinfo(unit).max
     rates = np.zeros(INPUTS, unit)
     rates[rng.choice(INPUTS, with_rate, replace=False)] = rng.integers(1, most, with_rate, unit, endpoint=True)
+    rates[np.flatnonzero(rates)[:1]] = most
     expected = draw_spikes(rates, key(), steps)
     starts, members = poisson_spikes(rates, np.uint64(key()), steps)
     assert starts.tolist() == [0, *expected.sum(axis=1).cumsum()]

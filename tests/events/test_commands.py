@@ -44,7 +44,11 @@ def _fewer_pictures() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two synthetic drives of an event camera, and a model of the first."""
-    folder = tmp_path_factory.mktemp("events")
+    return made_drives(tmp_path_factory.mktemp("events"))
+
+
+def made_drives(folder: Path) -> Path:
+    """`drives` in ``folder``."""
     run("synth", folder / "w", "--places", 5, "--events", "--query-condition", "rain", "--query-speed", 15)
     (folder / "quick.toml").write_text(CONFIG)
     reference = ("train", folder / "w/reference_events.h5", *EVERY, "--config", folder / "quick.toml")
@@ -74,6 +78,15 @@ def test_a_drive_of_events_is_recognised_from_another_at_another_speed(there: Pa
     page = Path("report/report.html").read_text()
     assert "window 000001" in page
     assert "data:image" in page
+
+
+@pytest.mark.slow
+def test_the_same_at_the_step_that_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(drives_of, "STEP_M", 0.2)
+    monkeypatch.chdir(tmp_path)
+    there = made_drives(tmp_path)
+    test_a_drive_of_events_is_recognised_from_another_at_another_speed(there)
+    test_a_query_is_answered_with_its_place_in_time(there)
 
 
 def test_a_query_is_answered_with_its_place_in_time(there: Path) -> None:

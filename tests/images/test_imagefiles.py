@@ -29,9 +29,10 @@ from support.common.imagefiles import (
 )
 
 from lava_vpr.errors import InputError
+from lava_vpr.images import formats
 from lava_vpr.images.formats import orientation_of, walk
 from lava_vpr.images.imagefiles import decode_image, quiet, read_image
-from lava_vpr.images.windows import DamagedError
+from lava_vpr.images.windows import DamagedError, Window
 from lava_vpr.positions.track import read_track
 from lava_vpr.traverse import open_traverse
 
@@ -263,6 +264,8 @@ def test_many_parts_of_an_image_are_refused(monkeypatch: pytest.MonkeyPatch) -> 
     whole, one = tiff(bytes(12), (2, 2), COLOUR), struct.pack("<HHII", 279, 4, 1, 12)
     assert decode_image(whole).shape == (2, 2, 3)
     refused(lambda: decode_image(whole.replace(one, struct.pack("<HHII", 279, 4, 4, 12))), "has 4 parts, more than")
+    doubled = b"II*\0" + struct.pack("<IH", 8, 9) + 9 * struct.pack("<HHII", 273, 4, 3, 0)
+    assert [tag for tag, _ in formats._entries(Window(doubled, "image_parts"), {273})] == [273]
 
 
 @pytest.mark.timeout(20)

@@ -73,6 +73,9 @@ def test_answers_look_back_however_queries_come(case: tuple[NDArray[np.float64],
         assert len(found.matches) == len(found.confidence) == len(part)
         parts.append(found)
     answers = [np.concatenate([part[field] for part in parts]) for field in range(3)]
+    _, whole = Answerer.of("sad", scores.shape[1], Together(length)).step(scores)
+    for one, other in zip(answers, whole, strict=False):
+        np.testing.assert_array_equal(one, other)
     windows = literal(scores, length, causal=True) if length > 1 else dict(np.ndenumerate(scores))
     assert np.isnan(answers[2]).all()
     for query, (match, confidence, _) in enumerate(zip(*answers, strict=True)):
@@ -132,6 +135,7 @@ def test_the_input_is_left_as_it_was() -> None:
     for normalise in (True, False):
         sequence_scores(scores, 2, normalise=normalise)
     np.testing.assert_array_equal(scores, before)
+    assert sequence_scores(np.array([[1.0, 2.0], [3.0, 4.0]]), 2, normalise=False).tolist() == [[5.0]]
 
 
 @pytest.mark.parametrize("tolerance", [0, 1, 3])

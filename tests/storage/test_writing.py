@@ -30,6 +30,13 @@ def test_a_new_file_has_the_mode_of_the_umask(tmp_path: Path) -> None:
     assert mode(tmp_path / "a") == 0o640
 
 
+def test_all_is_handed_to_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes: list[int] = []
+    monkeypatch.setattr(os, "fsync", lambda handle: sizes.append(os.fstat(handle).st_size))
+    write_atomically(tmp_path / "a", lambda file: file.write(b"new"))
+    assert sizes == [3]
+
+
 @pytest.mark.parametrize("bits", [0o600, 0o640, 0o664, 0o755])
 def test_a_replaced_file_keeps_its_mode(tmp_path: Path, bits: int) -> None:
     path = tmp_path / "a"

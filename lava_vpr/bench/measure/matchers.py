@@ -19,12 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends.interface import HostBackend
-from lava_vpr.backends.rivals import BASELINES, chosen, compared
+from lava_vpr.backends.rivals import BASELINES, Rivals, chosen
 from lava_vpr.bench.measure.child import decoder_of, host_answer, singles
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
 from lava_vpr.cluster.tasks import Pool
-from lava_vpr.encoding import query_rates
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.draw import poisson_spikes
 from lava_vpr.engine.inference.biases import biases, schedule, slopes, start_membranes
@@ -37,7 +36,7 @@ from lava_vpr.recognition import Recognition
 from lava_vpr.training.templates import template_of
 
 Places = NDArray[np.int64]
-Answer = Callable[[slice], Places]
+PartAnswer = Callable[[slice], Places]
 """A function from a part of the queries to their places."""
 
 BATCH = 2048
@@ -74,7 +73,7 @@ class TimedMatcher:
     name: str
     what: str
     bytes: int
-    answer: Answer
+    answer: PartAnswer
     metrics: Metrics
 
 
@@ -114,7 +113,7 @@ def _grouped(labels: NDArray[np.int64], places: int) -> tuple[NDArray[np.int64],
     return order, np.searchsorted(labels[order], np.arange(places))
 
 
-def _nearest_by_sad(model: Model, references: NDArray[Any], queries: NDArray[Any]) -> tuple[Answer, int]:
+def _nearest_by_sad(model: Model, references: NDArray[Any], queries: NDArray[Any]) -> tuple[PartAnswer, int]:
     """Nearest place of ``queries`` by SAD to the model's ``references``, both uint8 (images, h, w), and bytes kept."""
     order, starts = _grouped(model.labels, model.places)
     kept = np.ascontiguousarray(references.reshape(len(references), -1)[order])
@@ -135,7 +134,7 @@ def _unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0)
 
 
-def _nearest_by_cosine(model: Model, references: NDArray[Any], queries: NDArray[Any]) -> tuple[Answer, int]:
+def _nearest_by_cosine(model: Model, references: NDArray[Any], queries: NDArray[Any]) -> tuple[PartAnswer, int]:
     """Nearest place of ``queries`` by cosine to the model's ``references``, both (images, n), and bytes kept."""
     order, starts = _grouped(model.labels, model.places)
     kept = _unit(references[order].astype(np.float32))
@@ -156,7 +155,7 @@ def _kept(model: Model) -> int:
     return sum(array.nbytes for array in arrays or (network.weights,)) + model.responses.nbytes
 
 
-def answer_of(queries: QuerySet, name: str, times: int = 1) -> tuple[Answer, int]:
+def answer_of(queries: QuerySet, name: str, times: int = 1) -> tuple[PartAnswer, int]:
     """How ``lava-vpr``, this model, or a baseline answers ``queries``, repeated ``times`` times, and bytes kept.
 
     Raises:
@@ -169,10 +168,7 @@ def answer_of(queries: QuerySet, name: str, times: int = 1) -> tuple[Answer, int
         of_rates, shown = host_answer(network, queries.shown.seed), np.concatenate([rates] * times)
         return lambda part: of_rates(shown[part]), _kept(network)
     chosen(model, (name,))
-    own = name == "cosine"
-    seen, references = (
-        (rates, query_rates(model.activity, model.config)) if own else compared(model, queries.images, name)
-    )
+    seen, references = Rivals(model, queries.images, queries.shown, (name,)).seen(name)
     nearest = _nearest_by_sad if name == "sad" else _nearest_by_cosine
     return nearest(model, references, np.concatenate([seen] * times))
 

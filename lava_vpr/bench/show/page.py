@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from lava_vpr.bench.results import Bench, Modelled
 from lava_vpr.bench.show import plots
 from lava_vpr.bench.show.json_values import absent, assumptions, percentiles
-from lava_vpr.bench.show.tables import counted, modelled, sections, title_of
+from lava_vpr.bench.show.tables import sections, title_of
 from lava_vpr.report import trust
 from lava_vpr.report.build import map_of
 from lava_vpr.report.sections import where
@@ -55,9 +57,10 @@ def _on_map(bench: Bench) -> str:
     return where(map_of(found.errors, len(found.matches), int(bench.model["places"])), found.matches, found.correct)
 
 
-def _modelled(bench: Bench) -> list[str | Table]:
-    """Drawings and a table of each board, and what was counted."""
+def _modelled(bench: Bench, tables: Iterable[Table]) -> list[str | Table]:
+    """Drawings of each board before its table, and the tables of the section that are of no single board."""
     parts: list[str | Table] = []
+    shown = iter(tables)
     for k, (name, costs) in enumerate(bench.targets.items()):
         title = title_of(name)
         if costs.figures is None:
@@ -71,8 +74,8 @@ def _modelled(bench: Bench) -> list[str | Table]:
             alt = safe(f"Modelled time of each step on {title}")
             drawing = plots.step_times(bench.step_times[name], f"steps{k}", alt)
             parts.append(drawn(f"Time of each step, modelled for {title}, nominal, mean of the queries", drawing))
-        parts.append(modelled(costs, costs.figures))
-    return [*parts, counted(bench)]
+        parts.append(next(shown))
+    return [*parts, *shown]
 
 
 def _drawings(bench: Bench) -> dict[str, list[str]]:
@@ -136,7 +139,9 @@ def page(bench: Bench) -> str:
         Section("trust", "Probability", [trust.section(bench.trust, {})]),
         Section("map", "Map", [_on_map(bench)]),
         part("energy", "Energy", "All the energy of a query"),
-        Section("modelled", "Modelled", _modelled(bench), "Modelled on the chip", _NOTES["modelled"]),
+        Section(
+            "modelled", "Modelled", _modelled(bench, tables["modelled"]), "Modelled on the chip", _NOTES["modelled"]
+        ),
         part("measured", "Measured", "Measured here"),
         part("sweep", "Sweep", "Sweep of settings"),
         part("peers", "Peers", "Peers"),

@@ -358,7 +358,7 @@ def sections(bench: Bench, page: bool = True) -> dict[str, tuple[Table, ...]]:
         "probability": (thresholds(bench),),
         "energy": (energy(bench.energy),),
         "measured": (timings(bench.measured), on_boards(bench.measured)),
-        "modelled": (*on_board, counted(bench), *map(asked, () if bench.asked is None else (bench.asked,))),
+        "modelled": (*on_board, counted(bench), *(() if bench.asked is None else (asked(bench.asked),))),
         "workload": () if bench.workload is None else (workload(bench.workload),),
         "peers": (peers(bench.peers),),
         "sweep": (sweep(bench.sweep),),
@@ -370,6 +370,6 @@ def sections(bench: Bench, page: bool = True) -> dict[str, tuple[Table, ...]]:
 
 
 def on_terminal(bench: Bench) -> list[Table | str]:
-    """Tables in order: recall first, then what was measured, then what is modelled; and a line for all that lacks."""
+    """Tables in order: recall first, then what was measured, then what is modelled; and lines for what is lacking."""
     shown = [table for section in sections(bench, page=False).values() for table in section]
     return [*shown, *(f"absent: {row['what']}: {row['reason']}" for row in absent(bench))]

@@ -72,7 +72,7 @@ def trace_table(steps: int, tau: float) -> NDArray[np.float32]:
 
 
 class KernelPhase(NamedTuple):
-    """One phase of learning as the kernel reads it.
+    """One phase of learning as the kernel and `present` read it.
 
     ``eta``, ``target`` (x_target), ``w_max`` and ``mu`` are those of the rule, ``mean_weight``, ``theta_plus``,
     ``inhibition`` and ``floor`` those of `StdpLearning`. ``keep`` is the share of a membrane that a step leaves,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -381,3 +381,29 @@ def test_a_command_says_one_line(here: Path, sound: Any, command: str) -> None:
         "lava-vpr: error: b/manifest.json: does not describe the network (steps 1000000000, of 1..100000); deploy the "
         "model again or fetch an intact copy\n"
     )
+
+
+def numbers(value: Any) -> Iterator[tuple[Any, Any]]:
+    """Every whole number in JSON: what holds it, and its key there."""
+    for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
+        if isinstance(inner, (dict, list)):
+            yield from numbers(inner)
+        elif type(inner) is int:
+            yield value, key
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_one_more_than_any_number_is_refused(sound: Any, tmp_path: Path, board: str) -> None:
+    told, files = sound[board]
+    rng = np.random.default_rng(0)
+    for name in (MANIFEST, *(name for name in files if name.endswith(".json") and name != "mapping.json")):
+        own = name == MANIFEST
+        text = json.dumps(told["network"]) if own else files[name]
+        count = len(list(numbers(json.loads(text))))
+        for k in range(count) if own else rng.choice(count, 15, replace=False):
+            whole = json.loads(text)
+            inner, key = list(numbers(whole))[k]
+            inner[key] += 1
+            other = ({**told, "network": whole}, files) if own else (told, files | {name: json_bytes(whole)})
+            with pytest.raises(ModelFileError):
+                open_bundle(put(tmp_path / "b", *other))

@@ -109,7 +109,7 @@ def test_rows_for_every_width_that_a_board_stores() -> None:
 
 def test_what_takes_less_leaves_room_for_more() -> None:
     board = replace(KAPOHO_BAY, cores=4, memory=PackedRows(3000))
-    found = {(row.rows, row.weights): row for row in table(config(), board, 7)}
+    found = {(row.rows, row.weights): row for row in table(config(), board, config().network.weight_bits)}
     for weights in ("typical", "every"):
         assert found["dense", weights].places > found["sparse", weights].places
     for rows in ("sparse", "dense"):

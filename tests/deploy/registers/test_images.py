@@ -16,7 +16,7 @@ from support.boards.small_boards import even, network
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.plan import CorePlan, Plan, PopulationPart
 from lava_vpr.deploy.bundle import core_files
-from lava_vpr.deploy.bundle.folder import ReadBundle
+from lava_vpr.deploy.bundle.folder import ReadBundle, array_bytes
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.registers.core_images import (
     CoreImage,
@@ -27,7 +27,7 @@ from lava_vpr.deploy.registers.core_images import (
 from lava_vpr.deploy.registers.synapses import lateral_synapse
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.errors import NetworkLimitError
+from lava_vpr.errors import BundleError, NetworkLimitError
 from lava_vpr.loihi import LOIHI_1_WEIGHT_BITS
 
 
@@ -229,3 +229,22 @@ def test_lateral_weights() -> None:
 def test_what_loihi_1_cannot_do_is_refused() -> None:
     with pytest.raises(NetworkLimitError, match=r"decay 4096 does not fit 0\.\.4095; raise"):
         core_images(small_plan(decay=4096))
+
+
+@pytest.mark.parametrize("bias_input", [False, True])
+def test_one_wrong_number_is_refused_or_is_another_network(bias_input: bool) -> None:
+    network = random_network(3, signed=True, bias_input=bias_input, size=(30, 20), bits=5, inhibition=60, decay=130)
+    manifest = {"target": "kapoho-bay", "network": scalars_of(network)}
+    sound = ReadBundle(Path("b"), manifest, core_files.network_files(simple_plan(network, 4, 5)))
+    rng, refused = np.random.default_rng(0), dict[str, str]()
+    names = [name for name in sound.files if name.endswith(".npy") and sound.array(name).size]
+    for name in names * 4:
+        array = sound.array(name)
+        array.flat[rng.integers(array.size)] ^= array.dtype.type(1 << int(rng.integers(8 * array.itemsize - 1)))
+        try:
+            found = core_files.network(ReadBundle(Path("b"), manifest, sound.files | {name: array_bytes(array)}))
+            assert np.array_equal(found.weights, network.weights) != np.array_equal(found.bias, network.bias)
+        except BundleError as error:
+            refused[name] = str(error)
+    assert refused.keys() == {*names}
+    assert all(text.isprintable() and "deploy the model again" in text for text in refused.values())
