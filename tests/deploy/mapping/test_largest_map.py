@@ -122,7 +122,9 @@ def test_what_takes_less_leaves_room_for_more() -> None:
 @pytest.mark.slow
 def test_the_default_preset_on_the_real_board() -> None:
     """Eight thousand places with the index of every weight, even if there were no zero; synapse memory binds."""
-    found = {(row.rows, row.weights): row for row in table(preset("loihi"), KAPOHO_BAY, 7)}
+    found = {
+        (row.rows, row.weights): row for row in table(preset("loihi"), KAPOHO_BAY, preset("loihi").network.weight_bits)
+    }
     assert found["sparse", "every"].places > 8_000
     assert found["sparse", "typical"].places > 15_000
     assert found["dense", "every"].places > 20_000
