@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lava_vpr import maps
-from lava_vpr import model as model_file
+from lava_vpr import maps, model as model_file
 from lava_vpr.backends.asking import Asker, Asking, calibration_of, open_model, summed
 from lava_vpr.backends.interface import HostBackend
 from lava_vpr.encoding import Keep, encode_arrays, encode_views

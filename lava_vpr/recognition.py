@@ -15,8 +15,7 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
 from lava_vpr.backends.interface import Advance, Backend, Events, HostBackend, Presentations, query_presentations
 from lava_vpr.backends.registry import BACKENDS
-from lava_vpr.backends.rivals import Rivals, Scored, decoded, descriptor_similarities
-from lava_vpr.backends.rivals import chosen as rivals_of
+from lava_vpr.backends.rivals import Rivals, Scored, chosen as rivals_of, decoded, descriptor_similarities
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, encoded_batches
 from lava_vpr.engine.adaptation import Adaptation, Motion

@@ -12,8 +12,7 @@ from collections.abc import Callable, Mapping
 
 import click
 
-from benchmarks.figures import PARTS as FIGURES
-from benchmarks.figures import markdown
+from benchmarks.figures import PARTS as FIGURES, markdown
 from benchmarks.results.tables import PARTS as RESULTS
 from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.cli import main

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle, array_bytes, json_bytes
-from lava_vpr.deploy.registers import core_images as registers
-from lava_vpr.deploy.registers import rebuilding
+from lava_vpr.deploy.registers import core_images as registers, rebuilding
 from lava_vpr.deploy.registers.core_images import CoreImage, HostTables
 from lava_vpr.deploy.registers.simulator import Chips
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork

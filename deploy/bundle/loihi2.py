@@ -21,8 +21,7 @@ from lava_vpr.deploy.bundle.core_files import BundlePlayer, BundleSpikes
 from lava_vpr.deploy.bundle.folder import AGAIN, ReadBundle, array_bytes, json_bytes
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses
-from lava_vpr.engine.general.simulation import simulate as run_general
+from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses, simulate as run_general
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.biases import LEVEL, THRESHOLD, bias_registers
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork

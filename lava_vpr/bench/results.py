@@ -13,10 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.boards.constants import HOST_POWER, total
-from lava_vpr.deploy.boards.constants import Estimate as Estimate
-from lava_vpr.deploy.cost.costs import BoardFigures as BoardFigures
-from lava_vpr.deploy.cost.costs import Modelled as Modelled
+from lava_vpr.deploy.boards.constants import HOST_POWER, Estimate as Estimate, total
+from lava_vpr.deploy.cost.costs import BoardFigures as BoardFigures, Modelled as Modelled
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.trust import Trust, is_right
 from lava_vpr.recognition import Recognition

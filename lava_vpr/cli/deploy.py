@@ -24,8 +24,7 @@ from lava_vpr.cli.show.boards import (
 )
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.bundle.compression import Changes, Compressed, CompressionFigures, for_board
-from lava_vpr.deploy.bundle.deployment import Deployed, unproven
-from lava_vpr.deploy.bundle.deployment import deploy as write_bundle
+from lava_vpr.deploy.bundle.deployment import Deployed, deploy as write_bundle, unproven
 from lava_vpr.deploy.bundle.folder import check_replaceable
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.presentations import cores

@@ -10,8 +10,7 @@ import click
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import calibration_of
-from lava_vpr.backends.rivals import BASELINES, kept_for, missing
-from lava_vpr.backends.rivals import chosen as rivals_of
+from lava_vpr.backends.rivals import BASELINES, chosen as rivals_of, kept_for, missing
 from lava_vpr.cli.choose import TruthOptions, truth_options
 from lava_vpr.cli.common import PATH, backend_progress, encode_queries, motion_option, noun, stderr
 from lava_vpr.cli.nouns import (

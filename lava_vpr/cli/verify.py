@@ -8,8 +8,7 @@ import click
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import Asking
-from lava_vpr.backends.verification import Verdict
-from lava_vpr.backends.verification import verify as verify_spikes
+from lava_vpr.backends.verification import Verdict, verify as verify_spikes
 from lava_vpr.cli.choose import open_queries
 from lava_vpr.cli.common import RegisteredName, encode_queries, one_bar, print_reasons
 from lava_vpr.cli.nouns import OneSource, Queries, asking_options, json_option, queries_options, seed_option

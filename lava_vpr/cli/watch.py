@@ -19,8 +19,7 @@ from lava_vpr.errors import InputError
 from lava_vpr.localizer import Localizer
 from lava_vpr.readers import open_source
 from lava_vpr.storage.tables import json_line
-from lava_vpr.watch.watching import PORT, Recent, live_page
-from lava_vpr.watch.watching import watch as watch_images
+from lava_vpr.watch.watching import PORT, Recent, live_page, watch as watch_images
 
 
 def port_number(text: str) -> int:

@@ -30,8 +30,7 @@ from lava_vpr.learning.references import Images, Places, each, encode_route, in_
 from lava_vpr.model import Model
 from lava_vpr.positions.track import MOST_GAP_S
 from lava_vpr.training.checkpoint import check_resume, remove_checkpoint
-from lava_vpr.training.loop import check_size
-from lava_vpr.training.loop import train as train_encoded
+from lava_vpr.training.loop import check_size, train as train_encoded
 from lava_vpr.training.measuring import calibrated
 from lava_vpr.training.preparing import check_asked, check_references, choose_places, fitted, settings_for
 from lava_vpr.training.stretches import UNSEEN, Monitor, learning_bar

@@ -21,8 +21,7 @@ from lava_vpr.engine.random import presentation_key
 from lava_vpr.inputs import orientation as filters
 from lava_vpr.inputs.encoder import EncoderConfig
 from lava_vpr.slayer import needs
-from lava_vpr.slayer.forward import STATE_UNIT as _UNIT
-from lava_vpr.slayer.forward import spiking
+from lava_vpr.slayer.forward import STATE_UNIT as _UNIT, spiking
 
 SIDE, EPOCHS, RATE, BATCH, SHARPNESS, WIDTH = 5, 4, 0.005, 50, 15.0, 1.0
 """Pixels of a filter's side; how often references are shown; Adam's rate, of weights up to 1; references of a step;

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from support.common.commands import run
 from support.common.small_models import encoded, paper_model, small_model
 
-from benchmarks.places import encoded as real
-from benchmarks.places import learn
+from benchmarks.places import encoded as real, learn
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.interface import HostBackend, Presentations, query_presentations
 from lava_vpr.backends.verification import verify

@@ -13,8 +13,7 @@ from click.testing import CliRunner
 from support.common.commands import PLACES, SHORT, figures, run
 from support.common.small_models import encoded, small_model, tiny_paper
 
-from benchmarks.places import SECTIONS, learn
-from benchmarks.places import encoded as real
+from benchmarks.places import SECTIONS, encoded as real, learn
 from lava_vpr import model as model_file
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.interface import HostBackend, Presentations, query_presentations

@@ -13,8 +13,7 @@ from lava_vpr.bench.results import (
     Measured,
     SweepPoint,
 )
-from lava_vpr.bench.show import plots
-from lava_vpr.bench.show import tables as described
+from lava_vpr.bench.show import plots, tables as described
 from lava_vpr.bench.show.json_values import as_json
 from lava_vpr.bench.show.page import page
 

@@ -7,10 +7,16 @@ from pathlib import Path
 
 import pytest
 from support.boards.host_programs import write_queries
-from support.boards.kapoho_board import ASKED
-from support.boards.kapoho_board import STANDIN as NXSDK
-from support.boards.loihi2_bundles import STANDIN as LAVA_LOIHI
-from support.boards.loihi2_bundles import asked, environment, network, program, queries, write_bundle
+from support.boards.kapoho_board import ASKED, STANDIN as NXSDK
+from support.boards.loihi2_bundles import (
+    STANDIN as LAVA_LOIHI,
+    asked,
+    environment,
+    network,
+    program,
+    queries,
+    write_bundle,
+)
 from support.common.small_models import encoded, small_model
 
 from lava_vpr.bench.measure import board_power

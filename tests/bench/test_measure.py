@@ -18,8 +18,7 @@ from support.common.small_models import encoded, small_model
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.backends.lava import LavaBackend
-from lava_vpr.bench.measure import child, rapl
-from lava_vpr.bench.measure import timing as measure
+from lava_vpr.bench.measure import child, rapl, timing as measure
 from lava_vpr.bench.measure.timing import measure_encoding, measure_localizer
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.encoding import query_rates

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.places import PlacesSection
-from benchmarks.results import __main__ as command
-from benchmarks.results import rows, tables
+from benchmarks.results import __main__ as command, rows, tables
 from benchmarks.results.rows import REMEDY, Record
 from benchmarks.results.tables import DEFAULT, FIVE, LEARNED
 from lava_vpr.configfile import update

@@ -17,8 +17,7 @@ import pytest
 from support.common import children
 
 from benchmarks.places import learn
-from benchmarks.sanafe import cross_check as checking
-from benchmarks.sanafe import worker
+from benchmarks.sanafe import cross_check as checking, worker
 from benchmarks.sanafe.compare import LIMIT, SEEDS, SanafeCase, failures, random_case, real
 from benchmarks.sanafe.cross_check import CrossCheck, ask, compare, cross_check, find_sanafe
 from benchmarks.sanafe.problem import PORT, bias_and_membrane, problem_of, without_counters

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from support.common.commands import PLACES, fails, figures, matches, run
 
-from lava_vpr import model as model_file
-from lava_vpr import recognition
+from lava_vpr import model as model_file, recognition
 from lava_vpr.backends.asking import Asker, Asking, adapted_scores
 from lava_vpr.backends.interface import HostBackend
 from lava_vpr.encoding import encode_traverse, encode_views

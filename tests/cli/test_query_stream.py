@@ -16,8 +16,7 @@ import numpy as np
 import pytest
 from support.common.commands import fails, images, listed, matches, run
 
-from lava_vpr import model as model_file
-from lava_vpr import recognition
+from lava_vpr import model as model_file, recognition
 from lava_vpr.backends.asking import calibration_of
 from lava_vpr.backends.interface import HostBackend
 from lava_vpr.backends.registry import BACKENDS

@@ -14,8 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from support.common.daskcluster import DaskCluster, die, die_once, refuse, rest, times
 
 from lava_vpr.cluster import connection, tasks

@@ -15,13 +15,11 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 from support.common.commands import fails
 from support.common.small_models import paper_model, small_model, tiny_paper
 
-from lava_vpr import config as c
-from lava_vpr import configfile as f
+from lava_vpr import config as c, configfile as f
 from lava_vpr.config import as_integer_config, integer_config, preset
 from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.encoder import INPUTS

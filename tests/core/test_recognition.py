@@ -8,13 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 from support.common.small_models import encoded, paper_model, small_model
 
-from lava_vpr.backends import registry as backends
-from lava_vpr.backends import rivals
+from lava_vpr.backends import registry as backends, rivals
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.configfile import update

@@ -9,8 +9,7 @@ from pathlib import Path
 import nir
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from support.common.small_models import small_config, small_model, tiny_paper
 
 from lava_vpr import model as model_file

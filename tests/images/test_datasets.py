@@ -9,8 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from numpy.typing import NDArray
 from support.common.benchmarkfolders import folder_of, layout_of
 from support.common.imagefiles import QUICK, refused, written

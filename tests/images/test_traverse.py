@@ -13,8 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from support.common import children
 from support.common.imagefiles import QUICK, image_bytes, refused, smooth_picture, video, written
 

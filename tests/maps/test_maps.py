@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from support.common.small_models import encoded, paper_model, small_config, small_model
 
-from benchmarks.places import encoded as encoded_nordland
-from benchmarks.places import learn
+from benchmarks.places import encoded as encoded_nordland, learn
 from lava_vpr import maps, model
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset

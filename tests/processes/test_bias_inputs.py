@@ -13,8 +13,7 @@ from support.common.small_models import encoded, small_model
 from support.lava.model_harness import build, drive
 from support.lava.small_networks import FIXED, FLOAT, Arrays, Runs, hold_in_lava, random_network
 
-from benchmarks.places import SECTIONS, learn
-from benchmarks.places import encoded as real
+from benchmarks.places import SECTIONS, encoded as real, learn
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.interface import Presentations, query_presentations
 from lava_vpr.backends.verification import verify

@@ -9,8 +9,7 @@ from pathlib import Path
 import click
 import pytest
 
-from benchmarks import __main__ as benchmarks
-from benchmarks import figures
+from benchmarks import __main__ as benchmarks, figures
 from benchmarks.recall import TABLES
 from lava_vpr.cli import main
 from lava_vpr.cli.group import LazyGroup

@@ -7,8 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.report.images import CELL, contact_sheet, edge_direction, representatives, shrunk, strokes, weight_image

@@ -13,8 +13,7 @@ from support.fuzz import corpus, run
 from support.fuzz.changes import sealed_bundle
 from support.fuzz.corpus import Corpus
 
-from lava_vpr import maps
-from lava_vpr import model as model_file
+from lava_vpr import maps, model as model_file
 
 
 @pytest.fixture(scope="module")

@@ -35,8 +35,7 @@ from lava_vpr.model import Model, decode
 from lava_vpr.recognition import Comparison, recognise
 from lava_vpr.studies.registry import BOTH, QUERIES, STUDIES, TRAINING, sections
 from lava_vpr.studies.several import as_one, member_seed, shuffled_order, side_by_side, theta_of
-from lava_vpr.studies.show.page import costs as drawn_costs
-from lava_vpr.studies.show.page import curve, page
+from lava_vpr.studies.show.page import costs as drawn_costs, curve, page
 from lava_vpr.studies.show.values import as_json, baselines_of, table
 from lava_vpr.studies.study import StudyRequest, StudyTask, measure_task, planned, study_rows
 

@@ -9,8 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from support.common.commands import fails
 from support.common.imagefiles import QUICK, blocky_picture, refused
 from support.common.small_models import encoded, small_config, small_model, tiny_paper

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from support.common import children
 from support.common.small_models import encoded, small_config
 
-from lava_vpr import model
-from lava_vpr import model as model_file
+from lava_vpr import model, model as model_file
 from lava_vpr.cli import main
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, integer_config

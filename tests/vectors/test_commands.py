@@ -12,8 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from support.common.commands import PLACES, fails, figures, link_route, matches, recall, run
 
-from lava_vpr import Localizer, train
-from lava_vpr import model as model_file
+from lava_vpr import Localizer, model as model_file, train
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.errors import ConfigError, InputError

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import model as model_file
-from lava_vpr.backends import deployed
-from lava_vpr.backends import registry as backends
+from lava_vpr.backends import deployed, registry as backends
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.backends.lava import LavaBackend
 from lava_vpr.backends.registry import BACKENDS

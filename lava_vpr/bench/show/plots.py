@@ -14,8 +14,7 @@ from lava_vpr.bench.anchors import ANCHORS
 from lava_vpr.bench.results import BoardFigures, Measured, StepTimes, SweepPoint
 from lava_vpr.bench.show.json_values import PERCENTILES
 from lava_vpr.deploy.boards.constants import Estimate, total
-from lava_vpr.show.numbers import figure as written
-from lava_vpr.show.numbers import named, ranged
+from lava_vpr.show.numbers import figure as written, named, ranged
 from lava_vpr.show.svg import THEME, canvas, gridded, themed, to_svg
 
 WIDTH = 700

@@ -15,8 +15,7 @@ from typing import Any
 
 import click
 
-from lava_vpr import maps
-from lava_vpr import model as model_file
+from lava_vpr import maps, model as model_file
 from lava_vpr.backends.asking import open_model
 from lava_vpr.cli.common import PATH, Number, Parsed, RegisteredName, console, stage, stderr
 from lava_vpr.cli.nouns import every_option, jobs_option, place_range, places_option, reference_positions_options

@@ -15,10 +15,8 @@ import pytest
 from click.testing import CliRunner
 from support.common.commands import images, run
 
-from lava_vpr import model as model_file
-from lava_vpr import traverse
-from lava_vpr.cli import main
-from lava_vpr.cli import query as command
+from lava_vpr import model as model_file, traverse
+from lava_vpr.cli import main, query as command
 from lava_vpr.encoding import encode_traverse
 from lava_vpr.model import decode
 from lava_vpr.recognition import count_query_spikes

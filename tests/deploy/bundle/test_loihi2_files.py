@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from support.boards.loihi2_bundles import AGAIN, INTERVAL, network, queries
 from support.lava.small_networks import SMALL_LIMITS, limits
 

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.boards.plans import busy_plan, trains_of
-from support.boards.small_boards import even
-from support.boards.small_boards import network as small_network
+from support.boards.small_boards import even, network as small_network
 
 from lava_vpr import loihi
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2

@@ -7,15 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from support.boards.small_boards import check_images, check_plan, even, network, parts_of, tiny
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Mesh
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.mapping.partition import assign_cores, distances, partition
-from lava_vpr.deploy.mapping.placing import counts_of, farthest, fitting, longest, spread
-from lava_vpr.deploy.mapping.placing import even as even_ranges
+from lava_vpr.deploy.mapping.placing import counts_of, even as even_ranges, farthest, fitting, longest, spread
 from lava_vpr.deploy.mapping.sizing import Sizing
 from lava_vpr.deploy.registers.core_images import core_images, host_tables
 

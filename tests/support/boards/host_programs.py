@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.bundle import folder as bundle
-from lava_vpr.deploy.bundle import targets
+from lava_vpr.deploy.bundle import folder as bundle, targets
 from lava_vpr.deploy.bundle.folder import array_bytes
 from lava_vpr.engine.inference.biases import bias_registers
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes

@@ -28,8 +28,7 @@ from support.common import children
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.plan import CorePlan, Needs, Plan, PopulationName, PopulationPart
-from lava_vpr.deploy.bundle import core_files
-from lava_vpr.deploy.bundle import folder as bundle
+from lava_vpr.deploy.bundle import core_files, folder as bundle
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.loihi import HOST_SPIKES
