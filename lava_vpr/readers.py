@@ -141,9 +141,21 @@ def _stamp(name: str) -> float | None:
     return None if stamps is None else float(stamps[0])
 
 
+_LONGEST = 1 << 16
+"""Characters of a line that are kept: no path has as many, so that what is longer is left out as one."""
+
+
 def _lines(_: Wanted) -> Found:
-    lines = (line.rstrip("\r\n") for line in iter(sys.stdin.readline, ""))
-    return Found(walk=lambda: samples_of_paths(path for path in lines if path))
+    return Found(walk=lambda: samples_of_paths(path for path in _typed() if path))
+
+
+def _typed() -> Iterator[str]:
+    """The lines of standard input, each no farther than `_LONGEST`."""
+    while line := sys.stdin.readline(_LONGEST):
+        rest = line
+        while rest and not rest.endswith("\n"):
+            rest = sys.stdin.readline(_LONGEST)
+        yield line.rstrip("\r\n")
 
 
 def _camera(wanted: Wanted) -> Found:

@@ -156,8 +156,8 @@ def _turned(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:
 
 PAUSE_S = 0.05
 """Seconds between two looks at the folder: a file whose size and time have not changed between them may be whole."""
-PATIENCE_S = 5.0
-"""Seconds after its last change until a file that cannot be read is given up."""
+PATIENCE_S, LONGEST_S = 5.0, 30.0
+"""Seconds until a file that cannot be read is given up: after its last change, and after the first look at it."""
 _TICK_NS = 2_000_000_000  # a folder that has not changed for so long lists what it listed
 
 
@@ -172,7 +172,7 @@ def appearing(
 
     A file that is being written is waited for, and with it those behind it, so that the order is kept: until its size
     and time stay as they are from one look to the next and its picture can be decoded, at most `PATIENCE_S` after its
-    last change. Hidden files, other types and folders are ignored.
+    last change and `LONGEST_S` in all. Hidden files, other types and folders are ignored.
 
     Args:
         folder: The folder.
@@ -193,7 +193,7 @@ def appearing(
             taken &= names  # who goes away is forgotten
             new = sorted(names - taken, key=natural_key)
             taken |= names
-            waiting += [_File(str(folder / name)) for name in new]
+            waiting += [_File(str(folder / name), now()) for name in new]
         for file in waiting:
             file.look(now())
         while waiting:
@@ -227,15 +227,25 @@ class _Listing:
 
 
 def _is_image(entry: os.DirEntry[str]) -> bool:
-    """Whether an entry of a folder is to be taken for an image."""
-    return not entry.name.startswith(".") and Path(entry.name).suffix.lower() in IMAGE_SUFFIXES and not entry.is_dir()
+    """Whether an entry of a folder is to be taken for an image; a link that leads nowhere is."""
+    if entry.name.startswith(".") or Path(entry.name).suffix.lower() not in IMAGE_SUFFIXES:
+        return False
+    try:
+        return not entry.is_dir()
+    except OSError:  # links in a circle, or into a folder that is closed to us
+        return True
 
 
 class _File:
-    """A file that is waited for."""
+    """A file that is waited for.
 
-    def __init__(self, path: str) -> None:
-        self.path, self.written = path, float("nan")
+    Args:
+        path: The file.
+        now: When it was seen first.
+    """
+
+    def __init__(self, path: str, now: float) -> None:
+        self.path, self.written, self._first = path, float("nan"), now
         self._status: tuple[int, int] | None = None
         self._since, self._settled = float("-inf"), False
         self._refused: InputError | None = None
@@ -254,9 +264,15 @@ class _File:
     def image(self, now: float) -> NDArray[np.uint8] | InputError | None:
         """The picture, or why there is none; None: that is not known yet."""
         if self._status == (-1, -1):
+            if os.path.islink(self.path):
+                return InputError(f"{shown(self.path)}: is a link that leads to no file; correct or remove it")
             return InputError(f"{shown(self.path)}: went away before it was read; leave files until they are answered")
         if not self._settled:
-            return None
+            if now - self._first < LONGEST_S:
+                return None
+            return InputError(
+                f"{shown(self.path)}: is still being written after {LONGEST_S:g} s; write each image to its own file"
+            )
         if self._refused is None:
             try:
                 return read_image(Path(self.path))

@@ -137,7 +137,7 @@ def _ask_stacks(folder: Path) -> None:
 
 
 LONGEST = 400  # characters of an exception's text in the one line of an error
-LOG_TAIL = 20_000  # characters
+LOG_TAIL = 20_000  # bytes
 
 
 def one_line(text: str) -> str:
@@ -149,7 +149,9 @@ def one_line(text: str) -> str:
 def _log(folder: Path) -> str:
     """The end of what the run's processes wrote to stdout and stderr."""
     try:
-        return (folder / "log").read_text(encoding="utf-8", errors="replace")[-LOG_TAIL:]
+        with (folder / "log").open("rb") as log:
+            log.seek(max(0, os.fstat(log.fileno()).st_size - LOG_TAIL))
+            return log.read(LOG_TAIL).decode(errors="replace")
     except OSError:
         return ""
 

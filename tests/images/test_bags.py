@@ -6,6 +6,7 @@ import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from support.common.imagefiles import image_bytes, refused, smooth_picture, watc
 from lava_vpr.errors import InputError
 from lava_vpr.images import imagefiles as room
 from lava_vpr.images.bags import bag_samples, is_bag, split_topic
-from lava_vpr.images.imagefiles import PATIENCE_S, PAUSE_S, appearing
+from lava_vpr.images.imagefiles import LONGEST_S, PATIENCE_S, PAUSE_S, appearing
 from lava_vpr.traverse import located, open_traverse
 
 PICTURES = [smooth_picture(k) for k in range(6)]
@@ -275,6 +276,26 @@ def test_a_file_that_stays_unreadable_is_given_up(tmp_path: Path) -> None:
     assert clock.now() >= PATIENCE_S
     assert not isinstance(next(found)[2], InputError)
     assert clock.now() < PATIENCE_S + 1
+
+
+@pytest.mark.parametrize("to", ["1.png", "none.png"])
+def test_a_link_that_leads_nowhere_is_left_out(to: str, tmp_path: Path) -> None:
+    (tmp_path / "2.png").write_bytes(PNG)
+    (tmp_path / "1.png").symlink_to(tmp_path / to)
+    (_, _, why), (path, *_) = islice(Written().watch(tmp_path), 2)
+    assert str(why) == f"{tmp_path / '1.png'}: is a link that leads to no file; correct or remove it"
+    assert path == str(tmp_path / "2.png")
+
+
+def test_a_file_that_never_rests_is_given_up(tmp_path: Path) -> None:
+    (tmp_path / "2.png").write_bytes(PNG)
+    acts = [partial((tmp_path / "1.png").write_bytes, bytes(size)) for size in range(990)]
+    clock = Written(*acts)
+    acts[0]()
+    (_, _, why), (path, *_) = islice(clock.watch(tmp_path), 2)
+    assert str(why).startswith(f"{tmp_path / '1.png'}: is still being written after 30 s; write each image once")
+    assert path == str(tmp_path / "2.png")
+    assert LONGEST_S <= clock.now() < LONGEST_S + 1
 
 
 def test_a_file_that_goes_away_is_told(tmp_path: Path) -> None:

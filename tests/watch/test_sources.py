@@ -51,6 +51,22 @@ def test_paths_on_standard_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert (last.name, last.stamp) == ("20240501_120000.png", 1714564800.0)
 
 
+def test_a_line_without_end_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a file of zeros has one; it is read in pieces, none of which is kept."""
+    (sound,) = write_images(tmp_path / "in", 1).iterdir()
+    monkeypatch.setattr(sys, "stdin", io.StringIO(f"{'x' * 8_000_000}\n{sound}\n{'x' * 99_999}"))
+    tracemalloc.start()
+    try:
+        first, second, third = watched("-")
+        held = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert "File name too long" in str(first.image)
+    assert second.name == sound.name
+    assert "File name too long" in str(third.image)
+    assert held < 4_000_000
+
+
 def test_a_folder_tells_when_its_images_were_written(tmp_path: Path) -> None:
     folder = write_images(tmp_path / "in", 1)
     (one,) = itertools.islice(watched(folder), 1)
