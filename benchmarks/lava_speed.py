@@ -27,7 +27,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import LavaRunError
 from lava_vpr.isolated.runner import run_isolated
-from lava_vpr.processes.base.checked import FIXED_TAG
+from lava_vpr.processes.base.magma import FIXED_TAG
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.encoders.process import RegularEncoder
 from lava_vpr.processes.networks.process import FusedPlaceNetwork, PlaceNetwork

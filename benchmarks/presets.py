@@ -29,8 +29,8 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError
-from lava_vpr.experiments.points import Case, configured, current, figures, run_of
 from lava_vpr.experiments.search import Settings, Trial, descend
+from lava_vpr.experiments.task import Case, configured, current, figures, run_of
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.matching.baselines import cosine_similarities
 from lava_vpr.matching.evaluation import Recall

@@ -1,9 +1,11 @@
 """What benchmarks share as programs: images that must be there, errors of one line, tables printed and recorded; of
-searches for settings how recall counts, and a log with a line for every setting that was tried."""
+searches for settings how recall counts, and a log with a line for every setting that was tried; and programs in
+environments of their own, which hold what this project is compared with: files go there and back."""
 
 from __future__ import annotations
 
 import re
+import subprocess
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +21,7 @@ from benchmarks import figures
 from benchmarks.places import required
 from lava_vpr.errors import InputError, LavaVprError
 from lava_vpr.experiments.search import Settings, Trial
+from lava_vpr.isolated.child import Ended, environment_without_python, run_child
 from lava_vpr.matching.evaluation import Metrics, Recall
 from lava_vpr.show.table import Table
 
@@ -172,3 +175,39 @@ class Log:
 def recalls(values: Iterable[Iterable[float]]) -> str:
     """R@1/R@100P/AUC in percent of some places."""
     return "  ".join("/".join(f"{value:5.1f}" for value in row) for row in values)
+
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def python_of(name: str) -> Path:
+    """The Python of an environment that `make` sets up; it need not exist."""
+    return ROOT / f".venv-{name}" / "bin" / "python"
+
+
+def run_elsewhere(
+    what: str, python: Path, goal: str, *words: str | Path, seconds: float = 1800, folder: Path | None = None
+) -> Ended:
+    """Run a script in another environment, which sees nothing of this one.
+
+    Args:
+        what: What is compared with, for messages.
+        python: The Python of its environment.
+        goal: The goal of `make` that sets it up.
+        words: The script and its arguments.
+        seconds: What it may take.
+        folder: Where it runs.
+    Raises:
+        InputError: the environment is missing, or the script fails or takes too long.
+    """
+    environment = python.parent.parent.name
+    if not python.exists():
+        raise InputError(f"{what}: not installed in {environment}; run make {goal}")
+    try:
+        ended = run_child([python, *words], seconds=seconds, folder=folder, environment=environment_without_python())
+    except subprocess.TimeoutExpired:
+        raise InputError(f"{what}: not done after {seconds:g} s; ask for less") from None
+    if ended.code:
+        said = ended.last or f"exit status {ended.code}"
+        raise InputError(f"{what}: {said}; delete {environment} and run make {goal}")
+    return ended

@@ -17,8 +17,7 @@ import numpy as np
 from lava_vpr import LavaVprError, train
 from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.encoding import encode_traverse
-from lava_vpr.matching import certainty
-from lava_vpr.matching.decoders import DECODERS, Decoder, Reading, in_every_variant, prepare
+from lava_vpr.matching.decoders import DECODERS, Decoder, Reading, in_every_variant, margin, prepare
 from lava_vpr.matching.equations import Counts, Scores, ScoresOf
 from lava_vpr.traverse import open_traverse
 
@@ -46,7 +45,7 @@ def main() -> None:
     parser.add_argument("reference", help="the drive to learn: a folder, list, video or ROS bag")
     parser.add_argument("query", help="the same places again")
     said = parser.parse_args()
-    DECODERS.register(Decoder("votes", title="votes", confidence=certainty.margin, scores=in_every_variant(votes)))
+    DECODERS.register(Decoder("votes", title="votes", confidence=margin, scores=in_every_variant(votes)))
     try:
         model = train(said.reference)
         queries = encode_traverse(open_traverse(said.query), model.config.encoder)

@@ -20,10 +20,9 @@ import nir
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.elsewhere import python_of, run_elsewhere
 from benchmarks.exchange.literal import spikes_of
 from benchmarks.places import encoded, learn
-from benchmarks.program import BenchmarkTable, Printed, program, verdict
+from benchmarks.program import BenchmarkTable, Printed, program, python_of, run_elsewhere, verdict
 from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.config import preset
 from lava_vpr.errors import BackendUnavailableError

@@ -16,9 +16,8 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.elsewhere import python_of, run_elsewhere
 from benchmarks.places import encoded, learn
-from benchmarks.program import Printed, program, verdict
+from benchmarks.program import Printed, program, python_of, run_elsewhere, verdict
 from lava_vpr.bench.measure.workload import of_trains
 from lava_vpr.bench.results import Workload
 from lava_vpr.config import PRESETS, preset

@@ -17,13 +17,12 @@ from pathlib import Path
 
 import click
 
-from benchmarks.elsewhere import python_of, run_elsewhere
 from benchmarks.oracles.inference import real_inference, small_inference
 from benchmarks.oracles.networks import DIALECTS, edge_networks, is_common, random_networks, reaches_limits
 from benchmarks.oracles.problems import Problem, Result, read_result, write_problem
 from benchmarks.oracles.rules import RULES, explain, literal
 from benchmarks.places import required
-from benchmarks.program import Printed, program, verdict
+from benchmarks.program import Printed, program, python_of, run_elsewhere, verdict
 from lava_vpr.show.table import Table
 from lava_vpr.storage.writing import temporary_folder
 

@@ -20,9 +20,8 @@ from typing import Any
 import click
 import numpy as np
 
-from benchmarks.elsewhere import python_of, run_elsewhere
 from benchmarks.places import learn, required
-from benchmarks.program import Printed, program, verdict
+from benchmarks.program import Printed, program, python_of, run_elsewhere, verdict
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY

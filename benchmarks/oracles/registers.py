@@ -20,17 +20,15 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.elsewhere import run_elsewhere
 from benchmarks.oracles.inference import Made, made_up
 from benchmarks.oracles.needs import PYTHON
 from benchmarks.places import encoded, learn, required
-from benchmarks.program import Printed, program, verdict
+from benchmarks.program import Printed, program, run_elsewhere, verdict
 from lava_vpr.config import preset
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.bundle.deployment import deploy
-from lava_vpr.deploy.bundle.opening import open_whole
-from lava_vpr.deploy.bundle.targets import TARGETS
+from lava_vpr.deploy.bundle.targets import TARGETS, open_whole
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.encoding import draw_trains, query_rates16
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibitory_spikes

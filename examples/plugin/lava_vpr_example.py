@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.inputs.encoder import ChannelLayout, EncoderConfig, Input
-from lava_vpr.matching import certainty
-from lava_vpr.matching.decoders import Decoder, Reading, in_every_variant
+from lava_vpr.matching.decoders import Decoder, Reading, in_every_variant, margin
 from lava_vpr.matching.equations import Counts, Scores, ScoresOf
 
 GRID = 28
@@ -65,6 +64,6 @@ CENTRE_SURROUND = Input(
 COUNT_COSINE = Decoder(
     "count-cosine",
     title="cosine of the counts",
-    confidence=certainty.margin,
+    confidence=margin,
     scores=in_every_variant(count_cosine),
 )

@@ -120,7 +120,7 @@ def open_model(path: str | Path) -> Model:
     """
     if not Path(path).is_dir():
         return model_file.load(path)
-    from lava_vpr.deploy.bundle.opening import open_bundle  # only those who have a bundle wait for it
+    from lava_vpr.deploy.bundle.targets import open_bundle  # only those who have a bundle wait for it
 
     return open_bundle(Path(path))
 

@@ -18,8 +18,7 @@ from lava_vpr.deploy.bundle import board_program, effort
 from lava_vpr.deploy.bundle.core_files import BundleSpikes
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.folder import ReadBundle
-from lava_vpr.deploy.bundle.opening import open_whole
-from lava_vpr.deploy.bundle.targets import TARGETS
+from lava_vpr.deploy.bundle.targets import TARGETS, open_whole
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError, BundleError, shown

@@ -4,7 +4,7 @@ Every point is a whole deployment in small: the network quantised anew from the 
 responses to the references measured anew (role ``response``), the queries run (role ``query``), partitioned, and its
 spikes counted into the cost model. The search goes out from points of the front as it stands: one to three settings
 move to a near value, what comes out is measured, and the front moves. The search is seeded, so equal input
-gives equal points. Every network is also tried with early stopping (`lava_vpr.experiments.points`).
+gives equal points. Every network is also tried with early stopping (`lava_vpr.experiments.task`).
 
 Nothing here is measured on a chip: energies and times are modelled, with nominal constants.
 """
@@ -25,8 +25,8 @@ from lava_vpr.config import not_integer
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.bundle.compression import UNCHANGED, with_settings
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.experiments.points import MARGINS, Case, Measurement, Settings, current, fast_settings, measured
 from lava_vpr.experiments.search import key_of, on_front, wander
+from lava_vpr.experiments.task import MARGINS, Case, Measurement, Settings, current, fast_settings, measured
 from lava_vpr.model import Model, as_integer
 
 BUDGET = 240

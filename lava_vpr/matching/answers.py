@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError
 from lava_vpr.matching import sequences
-from lava_vpr.matching.certainty import best
-from lava_vpr.matching.decoders import confidence
+from lava_vpr.matching.decoders import best, confidence
 from lava_vpr.matching.equations import Scores
 from lava_vpr.matching.evaluation import Metrics, Tally, Truth
 from lava_vpr.matching.forward_filter import NONE, RADIUS, Belief, ForwardFilter, check_motion, filtered, smooth

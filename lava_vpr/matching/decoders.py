@@ -9,7 +9,9 @@ and what reports call the decoder. A new decoder is a function and a row: settin
 The paper's four mean what its release computes (variant ``vprsnn2022``) in every command, table and preset; the other
 variants are for who asks for them by name. `matching.equations` says what they are.
 
-Matchers that are no decoders have rows in `MATCHERS`; `confidence` asks those of either sort by name.
+Matchers that are no decoders have rows in `MATCHERS`; `confidence` asks those of either sort by name how sure they are.
+A query without any score (no spike, or none that tells places apart) matches no place: `best` is -1, and its confidence
+is -inf. Equal scores go to the lowest place.
 """
 
 from __future__ import annotations
@@ -17,11 +19,78 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lava_vpr.errors import ConfigError
-from lava_vpr.matching import certainty, equations
-from lava_vpr.matching.certainty import Matcher
-from lava_vpr.matching.equations import RELEASED, VARIANTS, Counts, Scores, ScoresOf, Variant, check_variant
+from lava_vpr.matching import equations
+from lava_vpr.matching.equations import RELEASED, VARIANTS, Counts, Scores, ScoresOf, Variant, check_variant, first_most
 from lava_vpr.rows.registry import Registry
+
+Confidence = Callable[[Scores], Scores]
+"""A function from scores (n_queries, n_places) with a score in every row to how sure the best one is, float64
+(n_queries,)."""
+
+
+@dataclass(frozen=True)
+class Matcher:
+    """Something that scores the places for a query.
+
+    Attributes:
+        name: How options, settings and files call it.
+        title: How reports call it.
+        confidence: The function of this module that says how sure its best match is.
+    """
+
+    name: str
+    title: str
+    confidence: Confidence
+
+    def confidences(self, scores: Scores) -> Scores:
+        """How sure each query's best match is; higher is surer, and only the order within one matcher means anything.
+
+        Args:
+            scores: Scores (n_queries, n_places).
+        Returns:
+            float64 (n_queries,); -inf where nothing matches (`best` is -1).
+        """
+        return np.where(scores.any(axis=1), self.confidence(scores), -np.inf)
+
+
+def best(scores: Scores) -> NDArray[np.int64]:
+    """The best place of each query.
+
+    Args:
+        scores: Scores (n_queries, n_places), higher is better; distances negated.
+    Returns:
+        int64 (n_queries,): the lowest of the places with the highest score; -1, no match, where all scores are 0.
+    """
+    return first_most(scores)
+
+
+def highest(scores: Scores) -> Scores:
+    """The best score of each query."""
+    return np.asarray(scores.max(axis=1))
+
+
+def margin(scores: Scores) -> Scores:
+    """The best score of each query minus its second."""
+    first, second = _top_two(scores)
+    return first - second
+
+
+def contrast(scores: Scores) -> Scores:
+    """The margin over sqrt(best + second + 1): the difference of two counts over the deviation it has by chance."""
+    first, second = _top_two(scores)
+    return (first - second) / np.sqrt(first + second + 1.0)
+
+
+def _top_two(scores: Scores) -> tuple[Scores, Scores]:
+    """Highest and second highest score of each query, equal ones counted twice; the second of one place is 0."""
+    if scores.shape[1] == 1:
+        return scores[:, 0], np.zeros(len(scores))
+    top = np.partition(scores, scores.shape[1] - 2, axis=1)[:, -2:]
+    return top[:, 1], top[:, 0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,21 +158,21 @@ for _row in (
     Decoder(
         "contrast",
         title="contrast",
-        confidence=certainty.contrast,
+        confidence=contrast,
         scores=in_every_variant(lambda responses, reading: equations.contrast(responses)),
     ),
-    Decoder("standard", title="standard", confidence=certainty.highest, scores=in_every_variant(_standard)),
-    Decoder("weighted", title="weighted", confidence=certainty.highest, scores=in_every_variant(_weighted)),
+    Decoder("standard", title="standard", confidence=highest, scores=in_every_variant(_standard)),
+    Decoder("weighted", title="weighted", confidence=highest, scores=in_every_variant(_weighted)),
     Decoder(
         "probability",
         title="probability",
-        confidence=certainty.highest,
+        confidence=highest,
         scores=_probability_of(_standard, lambda responses, reading: equations.standard_probability(responses)),
     ),
     Decoder(
         "weighted_probability",
         title="weighted + probability",
-        confidence=certainty.highest,
+        confidence=highest,
         scores=_probability_of(
             _weighted, lambda responses, reading: equations.weighted_probability(responses, reading.gamma)
         ),
@@ -155,14 +224,14 @@ def prepare(
 MATCHERS: Registry[Matcher] = Registry("matcher", ConfigError)
 """The baselines of `matching.baselines`, and ``sequence``: the scores of any matcher, added up over a sequence."""
 for _matcher in (
-    Matcher("sad", title="SAD", confidence=certainty.highest),  # distances, negated
-    Matcher("cosine", title="cosine of the inputs", confidence=certainty.margin),
-    Matcher("hog", title="HOG", confidence=certainty.margin),
-    Matcher("template", title="no learning", confidence=certainty.contrast),
-    Matcher("descriptors", title="descriptors", confidence=certainty.margin),
-    Matcher("vectors", title="cosine of the vectors", confidence=certainty.margin),
-    Matcher("standardised", title="standardised vectors", confidence=certainty.margin),
-    Matcher("sequence", title="sequence", confidence=certainty.margin),
+    Matcher("sad", title="SAD", confidence=highest),  # distances, negated
+    Matcher("cosine", title="cosine of the inputs", confidence=margin),
+    Matcher("hog", title="HOG", confidence=margin),
+    Matcher("template", title="no learning", confidence=contrast),
+    Matcher("descriptors", title="descriptors", confidence=margin),
+    Matcher("vectors", title="cosine of the vectors", confidence=margin),
+    Matcher("standardised", title="standardised vectors", confidence=margin),
+    Matcher("sequence", title="sequence", confidence=margin),
 ):
     MATCHERS.register(_matcher)
 

@@ -266,7 +266,7 @@ def contrast(responses: Counts) -> ScoresOf:
     """The default decoder: each spike is shared among the places as its neuron's reference spikes were.
 
     ``score[l] = sum_i s_i S^R[i, l] / sum_m S^R[i, m]``, equation (7) alone; a neuron silent on all references counts
-    nothing. Its confidence (`certainty.contrast`) is the contrast of best and second. Scores are at least 0, in spikes.
+    nothing. Its confidence (`decoders.contrast`) is the contrast of best and second. Scores are at least 0, in spikes.
 
     Args:
         responses: S^R, int (n_exc, n_places).

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError
-from lava_vpr.matching.certainty import margin
+from lava_vpr.matching.decoders import margin
 from lava_vpr.matching.equations import Scores
 
 RIGHT, WRONG, OFF_MAP = KINDS = (1.0, 0.0, -1.0)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.matching.certainty import contrast
+from lava_vpr.matching.decoders import contrast
 
 Scores = NDArray[np.float64]
 
@@ -140,7 +140,7 @@ class SequenceMatcher:
 class Pace:
     """Whether queries move along the places at the references' own speed, as sequences take for granted.
 
-    Queries that are sure by themselves (`certainty.contrast` of at least `SURE`) tell their places. Two of them,
+    Queries that are sure by themselves (`decoders.contrast` of at least `SURE`) tell their places. Two of them,
     at most `APART` queries apart, give a step in places a query.
     """
 

@@ -12,8 +12,7 @@ from lava_vpr.datasets.layouts import DATASETS, Dataset
 from lava_vpr.errors import InputError
 from lava_vpr.experiments.grid import Advance, Outcome, Spread, compute, ignored, rows
 from lava_vpr.paper_table.methods import DESCRIPTORS, METHODS, NETWORKS, Method, printed
-from lava_vpr.paper_table.sections import SectionTask, kept_in, measure, read
-from lava_vpr.paper_table.sources import Source, tasks
+from lava_vpr.paper_table.sections import SectionTask, Source, kept_in, measure, read, tasks
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from lava_vpr.experiments.task import (
 )
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching import decoders, ensembles
-from lava_vpr.matching.certainty import best
+from lava_vpr.matching.decoders import best
 from lava_vpr.matching.ensembles import calibrated_theta, foreign_images, hyperactive, without
 from lava_vpr.model import Model, decode
 from lava_vpr.studies.study import Point, Study, StudyRequest, StudyTask

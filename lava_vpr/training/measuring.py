@@ -31,7 +31,7 @@ from lava_vpr.engine.inference.quantise import Shown
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys, uniform
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching import decoders
-from lava_vpr.matching.certainty import best, margin
+from lava_vpr.matching.decoders import best, margin
 from lava_vpr.matching.probability import OFF_MAP, RIGHT, WRONG, Calibration
 from lava_vpr.model import IntegerModel, Model, Stretch, as_integer, integer_model
 from lava_vpr.storage.arrays import narrow

@@ -9,8 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, check_presentations
-from lava_vpr.processes.base.magma import LavaPyType, OutPort, PyLoihiProcessModel, PyOutPort, Var
+from lava_vpr.processes.base.magma import (
+    CheckedProcess,
+    LavaPyType,
+    OutPort,
+    PyLoihiProcessModel,
+    PyOutPort,
+    Var,
+    check_outputs,
+    check_presentations,
+)
 
 
 class EncoderProcess(CheckedProcess):

@@ -21,8 +21,7 @@ from scipy.sparse import csr_matrix
 
 from lava_vpr.engine.general.lif import need
 from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT
-from lava_vpr.processes.base.checked import RegisterVar
-from lava_vpr.processes.base.magma import AbstractProcess, AbstractSubProcessModel
+from lava_vpr.processes.base.magma import AbstractProcess, AbstractSubProcessModel, RegisterVar
 from lava_vpr.processes.base.neurons import NO_FLOOR, LifProcess
 
 MISSING = "left out with Lava's library; run it without select_sub_proc_model"

@@ -6,8 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from lava_vpr.processes.base.checked import CheckedProcess
-from lava_vpr.processes.base.magma import InPort, OutPort, Var
+from lava_vpr.processes.base.magma import CheckedProcess, InPort, OutPort, Var
 
 
 class NetworkProcess(CheckedProcess):

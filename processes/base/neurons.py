@@ -17,8 +17,20 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import LifParameters, bias_of, check_thresholds, lif_step, need
 from lava_vpr.loihi import DECAY_BITS, INPUT_LIMIT, INPUT_SHIFT, NO_MEMORY_DECAY, STATE_LIMIT
-from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_shape, require, vector, whole
-from lava_vpr.processes.base.magma import InPort, LavaPyType, OutPort, PyInPort, PyLoihiProcessModel, PyOutPort
+from lava_vpr.processes.base.magma import (
+    CheckedProcess,
+    InPort,
+    LavaPyType,
+    OutPort,
+    PyInPort,
+    PyLoihiProcessModel,
+    PyOutPort,
+    RegisterVar,
+    check_shape,
+    require,
+    vector,
+    whole,
+)
 
 NO_FLOOR = -INPUT_LIMIT
 """What the Var ``floor`` holds when there is none: below every membrane of the integer model."""

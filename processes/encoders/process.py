@@ -13,10 +13,9 @@ from lava_vpr.engine.draw import poisson_spikes
 from lava_vpr.engine.inference.biases import LEVEL, THRESHOLD, biases, schedule, start_membranes
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, INPUT_SHIFT, NO_MEMORY_DECAY
-from lava_vpr.processes.base.checked import RegisterVar, require
 from lava_vpr.processes.base.encoders import EncoderModel, EncoderProcess, ListedEncoderModel, ListedEncoderProcess
 from lava_vpr.processes.base.library_parts import stand_for
-from lava_vpr.processes.base.magma import AbstractSubProcessModel, model_of
+from lava_vpr.processes.base.magma import AbstractSubProcessModel, RegisterVar, model_of, require
 from lava_vpr.processes.base.neurons import check_state
 
 

@@ -23,10 +23,10 @@ from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork
 from lava_vpr.isolated import child
 from lava_vpr.isolated.worker import report
 from lava_vpr.loihi import DECAY_BITS
-from lava_vpr.processes.base.checked import FIXED_TAG
 from lava_vpr.processes.base.encoders import EncoderProcess
 from lava_vpr.processes.base.lava_checks import refuse_cpu_models
 from lava_vpr.processes.base.magma import (
+    FIXED_TAG,
     AbstractProcess,
     InPort,
     Loihi2HwCfg,

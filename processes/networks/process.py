@@ -14,15 +14,18 @@ from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork, count_spikes
 from lava_vpr.engine.learning.integer import IntegerLearning
 from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.loihi import INPUT_SHIFT, THRESHOLD_LIMIT
-from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, check_presentations, whole
 from lava_vpr.processes.base.magma import (
     AbstractSubProcessModel,
+    CheckedProcess,
     LavaPyType,
     LoihiProtocol,
     PyLoihiProcessModel,
     Var,
+    check_outputs,
+    check_presentations,
     implements,
     model_of,
+    whole,
 )
 from lava_vpr.processes.base.network import NetworkProcess
 from lava_vpr.processes.base.neurons import BiasTable

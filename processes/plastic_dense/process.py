@@ -16,18 +16,21 @@ from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS, StepDraws, de
 from lava_vpr.engine.learning.lava_order import LibraryDraws
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
-from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_outputs, whole
 from lava_vpr.processes.base.library_parts import MISSING, LibrarySynapses, stand_for
 from lava_vpr.processes.base.magma import (
     AbstractSubProcessModel,
+    CheckedProcess,
     InPort,
     LavaPyType,
     OutPort,
     PyInPort,
     PyLoihiProcessModel,
     PyOutPort,
+    RegisterVar,
     Var,
+    check_outputs,
     model_of,
+    whole,
 )
 
 _EXPONENTS = f"in {-WEIGHT_EXPONENT_LIMIT}..{WEIGHT_EXPONENT_LIMIT}"

@@ -8,8 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
-from lava_vpr.processes.base.checked import CheckedProcess, check_outputs, check_shape, whole
-from lava_vpr.processes.base.magma import InPort, LavaPyType, PyInPort, PyLoihiProcessModel, Var, model_of
+from lava_vpr.processes.base.magma import (
+    CheckedProcess,
+    InPort,
+    LavaPyType,
+    PyInPort,
+    PyLoihiProcessModel,
+    Var,
+    check_outputs,
+    check_shape,
+    model_of,
+    whole,
+)
 
 
 class SpikeCounter(CheckedProcess):

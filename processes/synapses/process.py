@@ -15,17 +15,22 @@ from lava_vpr.engine.general import lif
 from lava_vpr.engine.general.lif import dense_step, need, stored_weights
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import WEIGHT_BITS, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
-from lava_vpr.processes.base.checked import CheckedProcess, RegisterVar, check_shape, require, vector, whole
 from lava_vpr.processes.base.library_parts import LibrarySynapses, library_synapses
 from lava_vpr.processes.base.magma import (
+    CheckedProcess,
     InPort,
     LavaPyType,
     OutPort,
     PyInPort,
     PyLoihiProcessModel,
     PyOutPort,
+    RegisterVar,
     Var,
+    check_shape,
     model_of,
+    require,
+    vector,
+    whole,
 )
 
 _SUMS, _WEIGHT = {"a_out": (np.int32, 24), "a_buff": (np.int32, 24)}, (np.int32, 9)

@@ -26,7 +26,7 @@ from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.bundle import board_program
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.folder import load
-from lava_vpr.deploy.bundle.opening import open_bundle
+from lava_vpr.deploy.bundle.targets import open_bundle
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.biases import held_biases
 from lava_vpr.engine.inference.fixed import FixedNetwork

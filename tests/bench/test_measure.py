@@ -25,8 +25,7 @@ from lava_vpr.encoding import query_rates
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.errors import LavaRunError
 from lava_vpr.localizer import Localizer
-from lava_vpr.matching.certainty import best
-from lava_vpr.matching.decoders import DECODERS
+from lava_vpr.matching.decoders import DECODERS, best
 from lava_vpr.matching.equations import contrast
 from lava_vpr.model import decode
 from lava_vpr.recognition import count_query_spikes

@@ -30,7 +30,7 @@ from lava_vpr.deploy.cost.costs import all_microseconds, modelled, outside_steps
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import query_rates
 from lava_vpr.errors import ConfigError
-from lava_vpr.experiments.points import Case, Run, configured, current, fast_settings, figures, leads, run_of, stops
+from lava_vpr.experiments.task import Case, Run, configured, current, fast_settings, figures, leads, run_of, stops
 from lava_vpr.recognition import DECODERS_ONLY, recognise
 from lava_vpr.training.loop import train
 

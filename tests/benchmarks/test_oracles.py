@@ -14,8 +14,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given, settings, strategies as st
 
-from benchmarks import elsewhere
-from benchmarks.elsewhere import python_of
+from benchmarks import program
 from benchmarks.oracles import compare as oracles
 from benchmarks.oracles.compare import OracleCase, ask, failures, judge
 from benchmarks.oracles.inference import SMALL, inference_problem, made_up, small_inference
@@ -30,6 +29,7 @@ from benchmarks.oracles.problems import (
     write_problem,
 )
 from benchmarks.oracles.rules import RULES, complement, explain, literal, synapse_weights, truncated
+from benchmarks.program import python_of
 from lava_vpr.engine.general.lif import stored_weights
 from lava_vpr.errors import InputError
 
@@ -232,7 +232,7 @@ def test_a_simulator_that_fails_is_one_line(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_a_missing_environment_says_what_to_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(elsewhere, "ROOT", tmp_path)
+    monkeypatch.setattr(program, "ROOT", tmp_path)
     done = CliRunner().invoke(oracles.main, ["--networks", "1", "--queries", "0"])
     assert done.exit_code == 1
     assert done.output.endswith("brian2-loihi: not installed in .venv-brian2-loihi; run make oracles\n")
@@ -289,7 +289,7 @@ def test_scripts_need_nothing_of_this_project_and_versions_are_pinned(simulator:
             names.add(str(node.module).split(".")[0])
     own = {"brian2", "brian2_loihi"} if simulator == "brian2-loihi" else {"nengo_loihi"}
     assert names - set(sys.stdlib_module_names) == own | {"numpy"}
-    lines = (elsewhere.ROOT / "benchmarks" / "oracles" / f"{simulator}.txt").read_text().splitlines()
+    lines = (program.ROOT / "benchmarks" / "oracles" / f"{simulator}.txt").read_text().splitlines()
     pinned = [line for line in lines if not line.startswith("#")]
     assert any(line.startswith(f"{simulator}==") for line in pinned)
     assert all(line.count("==") == 1 for line in pinned)

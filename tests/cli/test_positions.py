@@ -15,7 +15,7 @@ from support.common.imagefiles import video
 
 from lava_vpr import model as model_file
 from lava_vpr.cli import main
-from lava_vpr.deploy.bundle.opening import open_bundle
+from lava_vpr.deploy.bundle.targets import open_bundle
 
 POSITIONS = ("--positions", "reference_positions.csv")
 QUERIES = ("--query-positions", "query_positions.csv")

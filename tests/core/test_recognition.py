@@ -21,8 +21,7 @@ from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import BackendUnavailableError, ConfigError, InputError
 from lava_vpr.matching import decoders, sequences
-from lava_vpr.matching.certainty import best
-from lava_vpr.matching.decoders import DECODERS, confidence
+from lava_vpr.matching.decoders import DECODERS, best, confidence
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.model import Model, decode, prepare
 from lava_vpr.recognition import Comparison, as_json, count_query_spikes, recognise

@@ -26,8 +26,7 @@ from lava_vpr.deploy.bundle.targets import TARGETS, Target
 from lava_vpr.encoding import encode_traverse
 from lava_vpr.errors import BackendUnavailableError, ConfigError, ModelFileError
 from lava_vpr.inputs.encoder import INPUTS, ChannelLayout, EncoderConfig, Input
-from lava_vpr.matching import certainty
-from lava_vpr.matching.decoders import DECODERS, Decoder, Reading, in_every_variant
+from lava_vpr.matching.decoders import DECODERS, Decoder, Reading, in_every_variant, margin
 from lava_vpr.matching.equations import ScoresOf
 from lava_vpr.model import Model
 from lava_vpr.recognition import count_query_spikes
@@ -43,9 +42,7 @@ def overlap(responses: NDArray[Any], reading: Reading) -> ScoresOf:
     return lambda spikes: (spikes.astype(np.int64) @ responses.astype(np.int64)).astype(np.float64)
 
 
-DUMMY_DECODER = Decoder(
-    "dummy", title="overlap of spikes", confidence=certainty.margin, scores=in_every_variant(overlap)
-)
+DUMMY_DECODER = Decoder("dummy", title="overlap of spikes", confidence=margin, scores=in_every_variant(overlap))
 DUMMY_INPUT = Input(
     "dummy",
     layout=lambda encoder: ChannelLayout(1, 14),

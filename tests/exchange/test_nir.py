@@ -20,8 +20,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ConfigError, InputError, LavaVprError, ModelFileError
 from lava_vpr.exchange import nir_reading, nir_writing
 from lava_vpr.exchange.drawn import digest, whole
-from lava_vpr.exchange.formats import FORMATS, FileOptions, format_of
-from lava_vpr.exchange.opening import imported
+from lava_vpr.exchange.formats import FORMATS, FileOptions, format_of, imported
 from lava_vpr.model import IntegerModel, Model, integer_model
 from lava_vpr.training.measuring import reference_responses
 

@@ -19,7 +19,7 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.learning import chip_learning
-from lava_vpr.deploy.bundle.opening import open_bundle
+from lava_vpr.deploy.bundle.targets import open_bundle
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays, query_rates16
 from lava_vpr.engine.inference import fixed, quantise
 from lava_vpr.errors import ConfigError, InputError, ModelFileError

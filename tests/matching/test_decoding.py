@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.matching import decoders, equations
-from lava_vpr.matching.certainty import best
-from lava_vpr.matching.decoders import DECODERS, confidence
+from lava_vpr.matching.decoders import DECODERS, best, confidence
 
 quick = settings(deadline=None, max_examples=60, derandomize=True)
 

@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 
 from lava_vpr.errors import ConfigError
 from lava_vpr.matching.answers import ALONE, Answers, Together, accepted, answers_of, least_probability
-from lava_vpr.matching.certainty import margin
+from lava_vpr.matching.decoders import margin
 from lava_vpr.matching.probability import OFF_MAP, RIGHT, WRONG, Calibration, reliability
 from lava_vpr.matching.trust import trust
 

@@ -23,8 +23,7 @@ from lava_vpr.experiments import cache
 from lava_vpr.paper_table import run as computing
 from lava_vpr.paper_table.methods import COLUMNS, METHODS, NETWORKS, PRINTED, printed
 from lava_vpr.paper_table.run import counted
-from lava_vpr.paper_table.sections import FIGURES, kept_in, measure, read
-from lava_vpr.paper_table.sources import official, tasks
+from lava_vpr.paper_table.sections import FIGURES, kept_in, measure, official, read, tasks
 
 QUICK = ("--only", "fast", "--epochs", "4", "--jobs", "1")
 PLAIN = "nordland=spring,summer"

@@ -14,12 +14,11 @@ from lava_vpr import model as model_file
 from lava_vpr.backends import deployed
 from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.deploy.bundle import effort
-from lava_vpr.deploy.bundle.opening import open_whole
-from lava_vpr.deploy.bundle.targets import TARGETS
+from lava_vpr.deploy.bundle.targets import TARGETS, open_whole
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.presentations import share
 from lava_vpr.isolated.child import own_peak
-from lava_vpr.matching.certainty import best
+from lava_vpr.matching.decoders import best
 from lava_vpr.model import Model, as_integer, checked_network, prepare
 
 Arrays = dict[str, NDArray[Any]]

@@ -25,8 +25,7 @@ from lava_vpr.cli.train import describe, tell
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError, ModelFileError, shown
-from lava_vpr.exchange.formats import FORMATS, TIME_STEP, FileOptions, format_of
-from lava_vpr.exchange.opening import imported
+from lava_vpr.exchange.formats import FORMATS, TIME_STEP, FileOptions, format_of, imported
 from lava_vpr.learning.references import encode_references, located_each
 from lava_vpr.maps.changes import check_extension, check_learned
 from lava_vpr.model import Model, integer_model

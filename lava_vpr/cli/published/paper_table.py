@@ -17,8 +17,8 @@ from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.errors import InputError, shown
 from lava_vpr.paper_table import run
 from lava_vpr.paper_table.methods import NETWORKS
+from lava_vpr.paper_table.sections import Source, official, stand_in
 from lava_vpr.paper_table.show.tables import RULES, as_csv, as_json, markdown, tables
-from lava_vpr.paper_table.sources import Source, official, stand_in
 from lava_vpr.show.table import Table
 
 NamedPaths = tuple[str, tuple[Path, ...]]

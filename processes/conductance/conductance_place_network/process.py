@@ -24,7 +24,6 @@ from lava_vpr.engine.conductance.kernels import (
 )
 from lava_vpr.engine.conductance.model import ConductanceState, constants
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.processes.base.checked import check_shape
 from lava_vpr.processes.base.magma import (
     AbstractProcess,
     AbstractSubProcessModel,
@@ -35,6 +34,7 @@ from lava_vpr.processes.base.magma import (
     PyLoihiProcessModel,
     PyOutPort,
     Var,
+    check_shape,
     implements,
     model_of,
     tag,

@@ -11,9 +11,9 @@ from lava_vpr.config import ConductanceLearning
 from lava_vpr.engine.conductance.kernels import NEVER, TRIPLET, Constants, learn, normalise
 from lava_vpr.engine.conductance.model import RULES, trace_table
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.processes.base.checked import CheckedProcess
 from lava_vpr.processes.base.magma import (
     AbstractProcess,
+    CheckedProcess,
     InPort,
     LavaPyType,
     OutPort,

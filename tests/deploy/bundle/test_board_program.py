@@ -23,7 +23,7 @@ from lava_vpr.bench.measure import board_power
 from lava_vpr.cli import main
 from lava_vpr.deploy.bundle import board_program
 from lava_vpr.deploy.bundle.folder import MANIFEST, json_bytes, load, sealed
-from lava_vpr.deploy.bundle.opening import open_bundle
+from lava_vpr.deploy.bundle.targets import open_bundle
 from lava_vpr.errors import LavaRunError
 
 RECORDER = f"""#!{sys.executable} -I

@@ -20,7 +20,7 @@ from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.bundle import loihi2
 from lava_vpr.deploy.bundle.deployment import contents, deploy
 from lava_vpr.deploy.bundle.folder import MANIFEST, ReadBundle, array_bytes, json_bytes, sealed
-from lava_vpr.deploy.bundle.opening import open_bundle
+from lava_vpr.deploy.bundle.targets import open_bundle
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import BundleError, ModelFileError
 
