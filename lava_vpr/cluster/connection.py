@@ -14,7 +14,6 @@ import re
 import time
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
-from concurrent import futures
 from contextlib import contextmanager, suppress
 from functools import cache, partial
 from importlib.metadata import version
@@ -230,22 +229,30 @@ def _client(address: str) -> Client:
         from distributed.versions import VersionMismatchWarning
     except ImportError as error:
         raise ClusterError(f"--cluster needs Dask, which is not installed ({error.name}): {INSTALL}") from None
+
+    class OneLineClient(Client):
+        """A client that ends, and with one sort of error, where somebody answers who is no scheduler."""
+
+        async def _ensure_connected(self, timeout: Any = None) -> None:
+            try:
+                await super()._ensure_connected(timeout=timeout)
+            except Exception as error:  # what it is told can raise anything; it would be left half open
+                raise OSError from error.__cause__ or error
+
     # We say ourselves, in one line, what it would log or warn of; large tasks are meant to be.
     for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
-        logging.getLogger(name).setLevel(logging.CRITICAL)
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     warnings.filterwarnings("ignore", category=VersionMismatchWarning)
     dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GiB"})
     _check_address(address, Security().get_connection_args("client").get("ssl_context"))
-    remedy = f"start one there (dask scheduler), and name what it prints as its address: {address!r} was given"
     try:
-        connect = partial(Client, address, timeout=CONNECT_S, set_as_default=False, name="lava-vpr")
+        connect = partial(OneLineClient, address, timeout=CONNECT_S, set_as_default=False, name="lava-vpr")
         return stoppable(connect, CONNECT_S + 1)  # it waits for ever for somebody who listens but is no scheduler
-    except (OSError, TimeoutError, asyncio.TimeoutError, futures.TimeoutError) as error:
+    except Exception as error:
         raise ClusterError(
-            f"no scheduler of a cluster answers ({_named(error.__cause__ or error)}); {remedy}"
+            f"no scheduler of a cluster answers ({_named(error.__cause__ or error)}); start one there (dask scheduler) "
+            f"and name what it prints as its address: {address!r} was given"
         ) from None
-    except (RuntimeError, ImportError) as error:
-        raise ClusterError(f"cannot connect to the cluster ({_named(error)}); {remedy}") from None
 
 
 def _check_address(address: str, keys: object) -> None:

@@ -5,7 +5,9 @@ And tasks on threads of this process: in order, as they are done, no more at onc
 
 from __future__ import annotations
 
+import gc
 import socket
+import struct
 import sys
 import threading
 import time
@@ -160,18 +162,40 @@ def test_nobody_there(monkeypatch: pytest.MonkeyPatch) -> None:
         port = free.getsockname()[1]
     said = refusal(f"tcp://127.0.0.1:{port}")
     assert said.startswith("no scheduler of a cluster answers (")
-    remedy = "start one there (dask scheduler), and name what it prints as its address"
+    remedy = "start one there (dask scheduler) and name what it prints as its address"
     assert said.endswith(f"{remedy}: 'tcp://127.0.0.1:{port}' was given")
     assert refusal("tcp://no.such.host.invalid:8786").startswith("no scheduler of a cluster answers (")
 
 
-def test_somebody_else_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Who listens and says nothing."""
+FRAME = struct.pack("<QQ", 1, 3)
+"""How messages of Dask begin: one part, of so many bytes."""
+ELSE = {
+    "silent": b"",
+    "web": b"HTTP/1.1 400 Bad Request\r\n\r\n",
+    "noise": bytes(range(1, 255)),
+    "huge": struct.pack("<Q", 1 << 62),
+    "no message": struct.pack("<Q", len(FRAME) + 3) + FRAME + b"\xc1\xc1\xc1",
+}
+
+
+@pytest.mark.parametrize("said", ELSE)
+def test_somebody_else_there(said: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    """Who listens and says nothing, or what is no scheduler's word."""
     monkeypatch.setattr(connection, "CONNECT_S", 0.5)
-    with socket.socket() as silent:
-        silent.bind(("127.0.0.1", 0))
-        silent.listen()
-        assert refusal(f"tcp://127.0.0.1:{silent.getsockname()[1]}").startswith("no scheduler of a cluster answers (")
+    with socket.socket() as there:
+        there.bind(("127.0.0.1", 0))
+        there.listen()
+        asked: list[socket.socket] = []
+
+        def answer() -> None:
+            asked.append(there.accept()[0])
+            asked[0].sendall(ELSE[said])
+
+        threading.Thread(target=answer, daemon=True).start()
+        assert refusal(f"tcp://127.0.0.1:{there.getsockname()[1]}").startswith("no scheduler of a cluster answers (")
+        asked[0].close()
+    gc.collect()
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize(
