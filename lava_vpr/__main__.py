@@ -51,6 +51,7 @@ def run() -> None:
     """
     interrupts.install()
     mend_streams()
+    os.environ.update(MPLBACKEND="agg", MATPLOTLIBRC=os.devnull)  # drawings are files, and the same for everybody
     code: object = 1
     whole: list[int] = []  # the exit code, when nothing more is to be told
     atexit.register(_end, whole)  # the first to be registered is the last to be called

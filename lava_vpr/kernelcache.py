@@ -10,12 +10,15 @@ import contextlib
 import functools
 import logging
 import os
+import re
 import stat
 import tempfile
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from lava_vpr.errors import ConfigError
 from lava_vpr.interrupts import held
 
 PACKAGE = Path(__file__).parent
@@ -90,7 +93,7 @@ def compiled(**options: Any) -> Any:
     Args:
         options: As for `numba.njit`, without ``cache``.
     """
-    import numba
+    numba = _numba()
 
     def decorate(function: Any) -> Any:
         kernel = numba.njit(**options)(function)
@@ -103,6 +106,31 @@ def compiled(**options: Any) -> Any:
         return kernel
 
     return decorate
+
+
+_FEATURES = re.compile(r"([+-][\w.-]+(,|$))*")
+
+
+@functools.cache
+def _numba() -> Any:
+    """numba, imported for the first time here.
+
+    Raises:
+        ConfigError: one of its environment variables is none that it can read.
+    """
+    features = os.environ.get("NUMBA_CPU_FEATURES", "")
+    try:
+        if not _FEATURES.fullmatch(features):  # LLVM would end the process
+            raise ValueError(f"NUMBA_CPU_FEATURES is {features!r}")
+        with warnings.catch_warnings():
+            warnings.filterwarnings("error", "Environment variable", RuntimeWarning)
+            import numba
+    except (ValueError, RuntimeWarning) as error:
+        said = str(error).splitlines()[0]
+        raise ConfigError(
+            f"numba cannot start ({said}); correct or unset its environment variables, NUMBA_..."
+        ) from None
+    return numba
 
 
 @functools.cache

@@ -14,8 +14,9 @@ from typing import Any
 import click
 
 from lava_vpr import interrupts
-from lava_vpr.errors import LavaVprError, UsageError, harmless
+from lava_vpr.errors import ConfigError, LavaVprError, UsageError, harmless
 from lava_vpr.kernelcache import COMPILING, COMPILING_TEXT
+from lava_vpr.storage.limits import check_variables
 
 _SPACE = "free some space"
 _REMEDIES = {
@@ -54,6 +55,8 @@ class OneLineGroup(click.Group):
         logger.setLevel(logging.INFO)
         try:
             with _told_in_one_line(), interrupts.minded():
+                check_variables()
+                _check_opencv()
                 return super().invoke(ctx)
         except UsageError as error:
             name = ctx.invoked_subcommand or ""
@@ -94,6 +97,22 @@ def _told_in_one_line() -> Iterator[None]:
             raise
         remedy = "end other programs, or raise the limit on processes (ulimit -u) or memory (ulimit -v)"
         raise _Failure(f"no further thread can be started; {remedy}") from None
+
+
+def _check_opencv() -> None:
+    """See that OpenCV starts where variables tell it how: it ends the process over one that it cannot read.
+
+    Raises:
+        ConfigError: it does not.
+    """
+    told = [f"{name} is {value[:40]!r}" for name, value in os.environ.items() if name.startswith("OPENCV_")]
+    if not told:
+        return
+    from lava_vpr.isolated.child import run_child
+
+    tried = run_child([sys.executable, "-c", "import cv2; cv2.resize(cv2.UMat(9, 9, 0).get(), (5, 5))"], seconds=60)
+    if tried.code:
+        raise ConfigError(f"OpenCV cannot start ({tried.last}); correct or unset its variables: {', '.join(told)}")
 
 
 @contextmanager

@@ -6,6 +6,8 @@ the limit ``image_pixels`` is LAVA_VPR_MAX_IMAGE_PIXELS, a whole number. docs/se
 
 from __future__ import annotations
 
+import difflib
+import logging
 import os
 from dataclasses import dataclass
 
@@ -101,6 +103,27 @@ LIMITS: dict[str, Limit] = {
 def variable(name: str) -> str:
     """The environment variable that sets the limit ``name``."""
     return f"LAVA_VPR_MAX_{name.upper()}"
+
+
+_NOTES = logging.getLogger("lava_vpr")
+_OURS = "LAVA_VPR_"
+_OTHERS = {f"{_OURS}{name}" for name in ("DATA", "PEERS", "SANAFE")}
+"""Variables of the benchmarks and tests."""
+
+
+def check_variables() -> None:
+    """Refuse a limit's variable that is wrong, whether it is needed or not; note each that nobody knows.
+
+    Raises:
+        ConfigError: as `limit`.
+    """
+    for name in LIMITS:
+        limit(name)
+    known = _OTHERS.union(map(variable, LIMITS))
+    for name in sorted(name for name in os.environ if name.startswith(_OURS) and name not in known):
+        near = difflib.get_close_matches(name, known, 1)
+        meant = f"; is {near[0]} meant?" if near else ""
+        _NOTES.warning(f"{name} is no variable that lava-vpr knows{meant}")
 
 
 def limit(name: str) -> int:

@@ -125,6 +125,38 @@ def test_little_of_everything(here: Path, case: str) -> None:
         assert set(ended.made) <= {"q.csv", "cache"}
 
 
+WRONG = {
+    "OPENCV_TRACE": ("abc", "OpenCV cannot start", "'abc'"),
+    "OPENCV_IO_MAX_IMAGE_PIXELS": ("abc", "OpenCV cannot start (what(): stoull)", "'abc'"),
+    "NUMBA_NUM_THREADS": ("0", "numba cannot start (Number of threads specified must be > 0.)"),
+    "NUMBA_OPT": ("abc", "numba cannot start (Environment variable 'NUMBA_OPT' is defined"),
+    "NUMBA_CPU_FEATURES": ("abc", "numba cannot start", "'abc'"),
+    "LAVA_VPR_MAX_ROWS": ("abc", "LAVA_VPR_MAX_ROWS is 'abc', but must be a whole number above 0"),
+}
+
+
+@pytest.mark.parametrize("variable", WRONG)
+def test_a_variable_that_nobody_can_read_is_one_line_at_once(variable: str, here: Path) -> None:
+    """OpenCV and numba would abort, or show where in their source they gave up."""
+    value, *words = WRONG[variable]
+    one_line(surroundings.run(here, "query", "none", "-o", "q.csv", set_to={variable: value}), *words, "unset")
+
+
+def test_a_variable_that_is_misspelt_is_told(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LAVA_VPR_MAX_ROW", "9")
+    monkeypatch.setenv("LAVA_VPR_DATA", "of the benchmarks")
+    told = CliRunner().invoke(main, ["fit", "m.lvpr", "--target", "loihi2"]).stderr
+    assert (
+        told.splitlines()[0] == "note: LAVA_VPR_MAX_ROW is no variable that lava-vpr knows; is LAVA_VPR_MAX_ROWS meant?"
+    )
+    assert "LAVA_VPR_DATA" not in told
+
+
+def test_drawings_are_ours_whatever_matplotlib_is_told(here: Path) -> None:
+    command = ("fit", "m.lvpr", "--target", "loihi2", "--picture", "p.svg")
+    done(surroundings.run(here, *command, set_to={"MPLBACKEND": "none", "MATPLOTLIBRC": "/dev/zero"}), "p.svg")
+
+
 WRITERS: dict[str, tuple[tuple[str, ...], str]] = {
     "events": (("synth", "new", "--places", "2", "--events"), "new: cannot be written"),
     "events-npz": (("synth", "new", "--places", "2", "--events", "npz"), "new: cannot be written"),

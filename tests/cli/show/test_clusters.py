@@ -158,8 +158,7 @@ def test_nobody_answers(here: Path, command: tuple[str, ...], monkeypatch: pytes
     # Whether the attempt is refused or its time is up depends on the machine.
     assert refused.stderr.startswith("lava-vpr: error: no scheduler of a cluster answers (")
     assert (
-        "start one there (dask scheduler) and name what it prints as its address: 'tcp://127.0.0.1:9'"
-        in refused.stderr
+        "start one there (dask scheduler) and name what it prints as its address: 'tcp://127.0.0.1:9'" in refused.stderr
     )
     assert not os.path.exists("new.lvpr")
 
