@@ -7,6 +7,10 @@ A scheduler and workers of one thread each run as processes on the loopback addr
 the scheduler counts twice, and whatever else uses the device counts, too (`unshare --net` gives a run its own).
 Memory is the most that a process held at any time; scheduler and workers are started anew for each route. ``--alone``
 learns and asks on as many threads without a cluster, too, and compares the bytes of model and figures.
+
+``--paper`` says what longer routes would take by the same work: an image, a stretch of 100 places and a query are timed
+here, on one processor, the query in a network whose neurons are those of a learned map again and again; all else is
+sizes of arrays.
 """
 
 from __future__ import annotations
@@ -15,18 +19,31 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import click
+import numpy as np
 import psutil
 
 from benchmarks.commands.running import CommandRun, lava_vpr
-from benchmarks.program import BenchmarkTable, Printed, program
+from benchmarks.program import BenchmarkTable, Printed, elapsed, program, turns
+from lava_vpr.backends.interface import query_presentations
+from lava_vpr.config import preset
+from lava_vpr.encoding import Keep, encode_traverse
+from lava_vpr.engine.inference.fixed import count_spikes
+from lava_vpr.model import integer_model
+from lava_vpr.show.numbers import figure, size
 from lava_vpr.storage.writing import temporary_folder
 from lava_vpr.synthetic import write_traverses
+from lava_vpr.training.loop import train
+from lava_vpr.training.stretches import Lesson, learned
+from lava_vpr.traverse import open_traverse
 
+STRETCH, QUERIES = 100, 10
 DASK = str(Path(sys.executable).with_name("dask"))
 LOCAL = ("--host", "127.0.0.1", "--no-dashboard")
 
@@ -98,15 +115,67 @@ def alone(place: Path, places: int, queries: int) -> list[list[str]]:
     return [row(f"`{what}`, no cluster", places, run) for what, run in runs.items()]
 
 
+PAPER = (10_000, 100_000)
+"""Places of the routes on paper."""
+
+
+def unit_costs(place: Path) -> dict[object, float]:
+    """Seconds of a processor for an image, a stretch, and a query in a map of each of `PAPER`, the least of turns."""
+    write_traverses(place / "world", STRETCH, 0)
+    traverse, config = open_traverse(place / "world" / "reference"), preset("loihi")
+    images = encode_traverse(traverse, config.encoder, Keep.ALL)
+    model = integer_model(train([images], config), "long routes")
+    shown, network = query_presentations(model, images.take(slice(QUERIES))), model.network
+    timed: dict[object, Callable[[], object]] = {
+        "image": lambda: encode_traverse(traverse, config.encoder, Keep.ALL),
+        "stretch": lambda: learned(config, Lesson(model.stretches[0], images.activity[None], 0, {})),
+    }
+    for places in PAPER:
+        again = {name: np.tile(getattr(network, name), places // len(network.bias)) for name in ("weights", "bias")}
+        timed[places] = partial(count_spikes, replace(network, **again), shown.rates, shown.keys)
+    taken = turns({name: elapsed(run, time.process_time) for name, run in timed.items()}, 3)
+    counts = {"image": STRETCH, "stretch": 1, **dict.fromkeys(PAPER, QUERIES)}
+    return {name: min(values) / counts[name] for name, values in taken.items()}
+
+
+def on_paper(unit: Mapping[object, float]) -> BenchmarkTable:
+    """What routes of `PAPER` places would take."""
+    inputs = preset("loihi").encoder.inputs
+    whole = {places: 4 * inputs * places for places in PAPER}
+    linear, square = "with places", "with their square"
+    made: Sequence[tuple[str, str, Callable[[int], str]]] = (
+        ("reading and encoding, client", linear, lambda n: f"{figure(n * unit['image'], 2)} s"),
+        ("learning, workers, s of a processor", linear, lambda n: figure(n / STRETCH * unit["stretch"], 2)),
+        ("activity and weights sent, each, over the scheduler", linear, lambda n: size(2 * whole[n])),
+        ("network, each worker", linear, lambda n: size(whole[n] // 2)),
+        (
+            "reference responses, workers, s of a processor",
+            f"{square}: a query a place",
+            lambda n: figure(n * unit[n], 2),
+        ),
+        ("responses that come back", f"{square}, if one neuron in a hundred spikes", lambda n: size(8 * n * n // 100)),
+        ("activity, learned weights and network, client", linear, lambda n: size(5 * whole[n] // 2)),
+        ("reference responses, client and model", f"{square}: 2 bytes each", lambda n: size(2 * n * n)),
+        ("the checkpoint, written again and again", linear, lambda n: size(whole[n])),
+        ("a query, ms of a processor", linear, lambda n: figure(1e3 * unit[n], 2)),
+    )
+    rows = [[what, grows, *map(of, PAPER)] for what, grows, of in made]
+    return BenchmarkTable(["what", "grows", *(f"at {n:,}" for n in PAPER)], rows, words=2, record="cluster-paper")
+
+
 @program()
 @click.option("--places", "sizes", type=int, multiple=True, default=(1000, 3000, 10000), show_default=True)
 @click.option("--alone", "compared", type=int, multiple=True, default=(1000,), show_default=True)
 @click.option("--queries", type=int, default=500, show_default=True)
 @click.option("--workers", type=int, default=2, show_default=True)
-def main(sizes: Sequence[int], compared: Sequence[int], queries: int, workers: int) -> Printed:
+@click.option("--paper", is_flag=True, help="What longer routes would take, on paper, and nothing else.")
+def main(sizes: Sequence[int], compared: Sequence[int], queries: int, workers: int, paper: bool) -> Printed:
     """What long routes take at a cluster."""
     rows = []
     with temporary_folder() as place:
+        if paper:
+            yield on_paper(unit_costs(place))
+            return
         write_traverses(place / "world", max(sizes), 0)
         for places in sizes:
             rows += at_cluster(place, places, queries, workers)

@@ -180,4 +180,5 @@ def main(networks: int, queries: int, only: str | None) -> Printed:
         yield group_table(simulator, verdicts)
         yield rule_table(simulator, verdicts)
         failed += [f"{simulator}, {line}" for line in failures(verdicts)]
+        yield f"{simulator}: {len(verdicts)} networks"
     yield from verdict(failed, "every spike and membrane is equal, or differs by a named rule")

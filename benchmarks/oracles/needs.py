@@ -217,4 +217,4 @@ def main(count: int, real: bool) -> Printed:
     refusal = refused["error"] or "nothing"
     if "exceeded max (1048576)" not in refusal:
         failed.append("a core that is too large was not refused")
-    yield from verdict(failed[:20], f"a core that is too large: nengo-loihi says {refusal!r}")
+    yield from verdict(failed[:20], f"{len(cores)} cores counted; one that is too large: nengo-loihi says {refusal!r}")

@@ -171,7 +171,7 @@ def main(bundles: Sequence[Path], presentations: int, real: bool) -> Printed:
     """Registers of bundles in nengo-loihi's emulator, and the host; fails if anything differs."""
     if real and not bundles:
         required("nordland")
-    failed, rows = list[str](), list[list[str]]()
+    failed, rows, spikes = list[str](), list[list[str]](), 0
     with temporary_folder() as folder:
         cases = [bundle_case(path, presentations) for path in bundles]
         made = () if bundles else made_up_cases(folder, presentations)
@@ -181,6 +181,7 @@ def main(bundles: Sequence[Path], presentations: int, real: bool) -> Printed:
             if result.spikes == 0 or result.differ or result.counters_differ:
                 failed.append(f"{case.name}: {result}")
             rows.append([case.name, *(f"{value:,}" for value in vars(result).values())])
+            spikes += result.spikes
     columns = ("", "cores", "synapses", "axons", "spikes", "differ", "counters differ")
     yield Table(columns, rows, title="registers of bundles in nengo-loihi's emulator, and the host")
-    yield from verdict(failed, "every spike and counter is the host's")
+    yield from verdict(failed, f"{len(rows)} bundles, {spikes:,} spikes: each spike and counter is the host's")

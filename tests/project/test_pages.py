@@ -8,7 +8,8 @@ from pathlib import Path
 import click
 import pytest
 
-from benchmarks import figures
+from benchmarks import __main__ as benchmarks, figures
+from benchmarks.commands.proofs import PROOFS
 from benchmarks.figures import PageTable
 from lava_vpr.cli import main
 from lava_vpr.config import LifNetwork, preset
@@ -83,6 +84,17 @@ def test_every_record_is_written_by_the_command_that_it_names() -> None:
             folder = {"benchmarks": "benchmarks", "support": "tests/support"}[words[1]]
             source = pages.ROOT / folder / f"{words[2].replace('.', '/')}.py"
             assert f'"{name}"' in source.read_text(encoding="utf-8"), name
+
+
+@pytest.mark.parametrize("name", list(PROOFS))
+def test_rows_of_proofs_are_commands_that_exist(name: str) -> None:
+    """A row of a record is a proof, with what its command printed; a test or a program that it names is there."""
+    record = figures.read(name)
+    assert [[what, command] for what, _, command in record.rows] == [[p.what, f"`{p.command}`"] for p in PROOFS[name]]
+    for proof, (_, much, _) in zip(PROOFS[name], record.rows, strict=True):
+        words = proof.command.split()
+        assert re.search(r"\d", much), proof.what
+        assert (pages.ROOT / words[-1]).exists() or words[0] == "lava-vpr" or words[-1] in benchmarks.names()
 
 
 def test_presets_are_alike_in_what_the_page_does_not_name() -> None:

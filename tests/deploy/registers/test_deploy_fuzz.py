@@ -319,7 +319,7 @@ def partitioned(wanted: int, start: int) -> Counter[str]:
             "leaves": network.leaves > 0,
         }
         seen.update(what for what, true in is_true.items() if true)
-    print(dict(seen))
+    print(f"{wanted} networks, {seen['several']} of several cores")
     return seen
 
 
@@ -373,7 +373,7 @@ def test_every_spike_of_random_networks(
                 assert np.array_equal(found, expected), name
             spikes += int(exc.sum())
             several += len(core_folders(bundle)) > 1
-    print(spikes, several)
+    print(f"{wanted} networks, {spikes} spikes")
     assert spikes > enough[0]
     assert several > enough[1]
 
