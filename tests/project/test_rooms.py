@@ -22,7 +22,7 @@ MEASURED = {
     "core/test_fast.py": {"benchmarks.recall", "benchmarks.results"},
     "core/test_real_images.py": {"benchmarks.recall", "benchmarks.results"},
     "project/test_docs.py": {"benchmarks.__main__", "benchmarks.figures", "benchmarks.recall"},
-    "project/test_pages.py": {"benchmarks.figures"},
+    "project/test_pages.py": {"benchmarks.figures", "benchmarks.commands", "benchmarks.__main__"},
     "engine/test_conductance.py": {"benchmarks.peers"},
     "support/fuzz/run.py": {"benchmarks.figures"},
 }
