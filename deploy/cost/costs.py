@@ -57,8 +57,8 @@ class BoardFigures:
         io_microjoules_by_way: Dynamic energy on the chips that input takes, by input mode, the one in use first.
             Messages, input compartments and their settings of the mode in use are part of ``dynamic_by_component``; the
             other's are an estimate of what would stand there instead.
-        wall_milliseconds: Time of a query if the host's traffic cannot overlap with another query: the longer of time
-            on the chip and traffic of the mode in use.
+        wall_milliseconds: Time of a query with the host's traffic, from the first packet to the last count
+            (`wall_milliseconds`).
         wall_static_millijoules: Static energy during ``wall_milliseconds``.
         busiest: Whose part made a step that long, as share of the steps (nominal): ``receive`` or ``neurons``.
         embedded: What the program on the chips' processors does: accesses a step and between queries on the busiest
@@ -161,9 +161,8 @@ def _figures(plan: Plan, events: EventCounts, constants: CostConstants) -> Board
     """The estimates of energies and times."""
     steps = Estimate.of(lambda level: float(all_microseconds(plan, events, constants, level).mean()))
     milliseconds = query_milliseconds(plan, steps, constants)
-    traffic = host_milliseconds(plan, events, constants)
-    in_use = next(iter(traffic.values()))
-    wall = Estimate.of(lambda level: max(milliseconds.at(level), in_use.at(level)))
+    sent, counts = host_milliseconds(plan, events, constants)
+    wall = wall_milliseconds(plan, milliseconds, steps, next(iter(sent.values())), counts)
     receive, neurons = step_nanoseconds(events, constants, "nominal")
     share = float((receive > neurons).mean())
     return BoardFigures(
@@ -171,7 +170,7 @@ def _figures(plan: Plan, events: EventCounts, constants: CostConstants) -> Board
         milliseconds=milliseconds,
         step_microseconds=steps,
         static_millijoules=_static(plan, milliseconds, constants),
-        io_milliseconds_by_way=traffic,
+        io_milliseconds_by_way={way: time + counts for way, time in sent.items()},
         io_microjoules_by_way=_input_microjoules(plan, events, constants),
         wall_milliseconds=wall,
         wall_static_millijoules=_static(plan, wall, constants),
@@ -280,6 +279,27 @@ def query_milliseconds(plan: Plan, step_microseconds: Estimate, constants: CostC
     """Time of a query on the chip: all its steps, of that mean time, and what is read, cleared and set between two."""
     between = embedded.milliseconds(embedded.between_queries(plan), constants)
     return step_microseconds * (plan.network.interval / 1e3) + between
+
+
+def wall_milliseconds(
+    plan: Plan, milliseconds: Estimate, step_microseconds: Estimate, sent: Estimate, counts: Estimate
+) -> Estimate:
+    """Time of a query on the chip and in the host's traffic, as the program on the chip takes packets.
+
+    It waits for settings before the first step and sends counts after the last, and the host begins no query before it
+    has the counts of the one before: these times add up. Input spikes it takes step by step, while the host, which the
+    channel lets be some packets ahead, sends those of later steps: each step but one passes during a packet, or a
+    packet during a step, whichever is shorter. High: nothing overlaps.
+    """
+
+    def overlapped(level: Level) -> float:
+        if plan.network.bias_input or level == "high":
+            return 0.0
+        steps = plan.network.steps
+        return (steps - 1) * min(step_microseconds.at(level) / 1e3, sent.at(level) / steps)
+
+    together = milliseconds + sent + counts
+    return Estimate.of(lambda level: together.at(level) - overlapped(level))
 
 
 def all_microseconds(plan: Plan, events: EventCounts, constants: CostConstants, level: Level) -> Floats:

@@ -160,8 +160,10 @@ def _packets(values: float, room: int) -> int:
     return int(-(-values // room))
 
 
-def host_milliseconds(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Estimate]:
-    """Time of the host's traffic for a query by input mode, the one in use first."""
+def host_milliseconds(
+    plan: Plan, events: EventCounts, constants: CostConstants
+) -> tuple[dict[str, Estimate], Estimate]:
+    """Time of what the host sends for a query by input mode, the one in use first, and of the counts that come back."""
     inputs, steps, compartments = plan.network.inputs, plan.network.steps, counts_on_chips(plan, "inputs")
     exc = {chip: size for chip, size in counts_on_chips(plan, "exc").items() if size + compartments[chip]}
     if not plan.network.input_compartments:
@@ -173,12 +175,9 @@ def host_milliseconds(plan: Plan, events: EventCounts, constants: CostConstants)
     injected = Estimate(min(low, packets), packets, max(packets, sum(sent)))
     few = sum(_packets(size, ROOM // SETTING_WORDS) for size in compartments.values())
     bias = Estimate(few, few, SETTING_WRITES * inputs)
-    by_mode = {}
-    for mode, messages in (("injected", injected), ("bias", bias)):
-        usb = messages + counts
-        time = Estimate(*(number * constants.host_message.nominal / 1e3 for number in (usb.low, usb.nominal, usb.high)))
-        by_mode[mode] = time
-    return by_mode if events.injected else dict(reversed(by_mode.items()))
+    each = constants.host_message.nominal / 1e3
+    by_mode = {"injected": injected * each, "bias": bias * each}
+    return by_mode if events.injected else dict(reversed(by_mode.items())), counts * each
 
 
 def bias_milliseconds(plan: Plan, constants: CostConstants) -> Estimate:

@@ -198,7 +198,7 @@ def modelled(costs: Modelled, figures: BoardFigures) -> Table:
         use = "in use, contained above" if way == in_use else "instead"
         rows.append(_levels(f"input on the chip, uJ: {way} ({use})", value))
     rows += [
-        _levels("time with host I/O, not overlapped, ms", figures.wall_milliseconds),
+        _levels("time with host I/O, ms (high: nothing overlaps)", figures.wall_milliseconds),
         _levels(f"{static}, that time", figures.wall_static_millijoules),
         *_clearing(costs.clearing),
     ]
