@@ -65,6 +65,14 @@ class Traverse:
         return None if self.found is None else self.found.vectors
 
     @property
+    def pixels(self) -> tuple[int, int] | None:
+        """Width and height of its first image; None: it has none, or is one of vectors."""
+        if self.stored is not None or not len(self):
+            return None
+        (image,) = self.take([0]).images()
+        return int(image.shape[1]), int(image.shape[0])
+
+    @property
     def names(self) -> tuple[str, ...]:
         """File name of each image, or ``frame 000012`` with the frame's number in the video (``window 000012`` of
         events); of vectors, the names beside them, or ``vector 000012``; made anew when asked."""

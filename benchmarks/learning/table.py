@@ -78,9 +78,9 @@ def main(names: Sequence[str]) -> Printed:
     rows = [ROWS[name] for name in names or LEARNERS]
     record.bring_up_to_date(rows)
     for row in rows:
-        costs = (record.mean(row, "training")[0], *record.mean(row, "costs"))
-        shown = (f"{value:.{digits}f}" for value, digits in zip(costs, (1, 2, 2), strict=True))
+        costs = (record.mean(row, "training")[0], record.mean(row, "costs")[1])
+        shown = (f"{value:.{digits}f}" for value, digits in zip(costs, (1, 2), strict=True))
         bits = f"{integer_config(row.config, row.name).network.weight_bits} and a sign"
         lines.append([row.name, recalled(record, row, FIVE), recalled(record, row, LATE), *shown, bits])
-    columns = ["", "0:500", "200:500, which the search did not see", "training, s", "µJ", "ms", "bits"]
+    columns = ["", "0:500", "200:500, which the search did not see", "training, s", "ms", "bits"]
     yield BenchmarkTable(columns, lines, record="learning-kinds")

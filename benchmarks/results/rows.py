@@ -241,9 +241,30 @@ class Record:
         values = [self.kept[name_of(row, section, seed)][1][matcher] for section in chosen for seed in seeds]
         return [float(value) for value in np.mean(values, axis=0)]
 
-    def cell(self, row: ResultRow, matcher: str = "network", sections: Sequence[PlacesSection] | None = None) -> str:
-        """R@1, R@100P and AUC as a table has them."""
-        return " / ".join(f"{value:.1f}" for value in self.mean(row, matcher, sections))
+    def cell(
+        self,
+        row: ResultRow,
+        matcher: str = "network",
+        sections: Sequence[PlacesSection] | None = None,
+        figures: int = 3,
+    ) -> str:
+        """R@1, R@100P and AUC, or the first of these: means over the seeds, then from the least seed to the most.
+
+        No figure is finer than a query among those of the sections.
+        """
+        queries = sum(section.end - section.first for section in sections or row.sections)
+        seeds = np.array([self.mean(row, matcher, sections, (seed,)) for seed in SEEDS])[:, :figures]
+        mean, low, high = (
+            [rounded(value, queries) for value in values] for values in (seeds.mean(0), seeds.min(0), seeds.max(0))
+        )
+        cell = " / ".join(mean)
+        return cell if low == high else f"{cell} ({' / '.join(low)} to {' / '.join(high)})"
+
+
+def rounded(percent: float, queries: int) -> str:
+    """A figure in percent to the nearest query of so many, or the nearest tenth where a query is less."""
+    one = max(100 / queries, 0.1)
+    return f"{one * round(percent / one):.{int(one < 1)}f}"
 
 
 def name_of(row: ResultRow, section: PlacesSection, seed: int) -> str:

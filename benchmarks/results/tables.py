@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from benchmarks.figures import markdown
+from benchmarks.figures import markdown, read
 from benchmarks.places import PlacesSection, sections_of
-from benchmarks.results.rows import SEEDS, STANDING, TAU, Record, ResultRow
+from benchmarks.results.rows import STANDING, TAU, Record, ResultRow
+from lava_vpr.bench.show.tables import DYNAMIC, WHOLE, WITHOUT_ENCODING
 from lava_vpr.config import PRESETS, preset
 from lava_vpr.configfile import update
 
@@ -73,6 +74,16 @@ RIDDEN = {
     for title, views in VIEWS.items()
     if views
 }
+ENERGY_OF = LEARNED | {
+    "500 places": LENGTHS["500"],
+    "1,500 places": LENGTHS["1,500"],
+    "1,500 places, all inputs": LENGTHS["1,500, all inputs spike in queries"],
+    "Gardens Point, five views in three scales": list(WALKED.values())[-1],
+}
+"""The rows whose energy is known, by what the record ``energy`` calls them."""
+ENERGY = (WHOLE, WITHOUT_ENCODING, DYNAMIC)
+HEADS = tuple(f"{name}, µJ" for name in ENERGY)
+"""What stands beside recall: never the chip's dynamic energy without the rest."""
 KINDS: Mapping[str, Sequence[ResultRow]] = {
     "sections": (*LEARNED.values(), *DRAWN.values()),
     "long": tuple(LENGTHS.values()),
@@ -81,6 +92,19 @@ KINDS: Mapping[str, Sequence[ResultRow]] = {
 }
 """The rows by the table that shows them."""
 ROWS = tuple(row for rows in KINDS.values() for row in rows)
+
+
+def energies(way: str, names: Sequence[str] = ENERGY) -> list[str]:
+    """Energies of a query by ``CASE, WAY`` of the record ``energy``."""
+    known = read("energy")
+    (row,) = (dict(zip(known.columns, row, strict=True)) for row in known.rows if row[0] == way)
+    return [row[name].replace("-", "") for name in names]
+
+
+def of_row(row: ResultRow, way: str = "Kapoho Bay", names: Sequence[str] = ENERGY) -> list[str]:
+    """Energies of a query to a row of results; empty where they are not known."""
+    case = next((case for case, known in ENERGY_OF.items() if known is row), None)
+    return [""] * len(names) if case is None else energies(f"{case}, {way}", names)
 
 
 def simpler(record: Record, row: ResultRow, suffix: str = "") -> list[str]:
@@ -94,28 +118,25 @@ def _sections(record: Record) -> str:
     head = ["", "as learned", "places 200:500, which the search did not see", "without learning", "Poisson trains"]
     rows = []
     for name, row in LEARNED.items():
-        microjoules, milliseconds = record.mean(row, "costs")
         cells = [f"**{record.cell(row)}**", record.cell(row, sections=LATE), record.cell(row, "template")]
-        cells += [record.cell(DRAWN[name]), record.cell(row, "cosine"), f"{microjoules:.2f}", f"{milliseconds:.2f}"]
+        cells += [record.cell(DRAWN[name]), record.cell(row, "cosine"), *of_row(row)]
+        cells.append(f"{record.mean(row, 'costs')[1]:.2f}")
         rows.append([f"preset `{name}`", *cells])
     default = LEARNED[DEFAULT]
-    for rival in ("hog", "sad"):
-        cells = [record.cell(default, rival), record.cell(default, rival, LATE)]
-        rows.append([f"{SIMPLER[rival]} instead of a network", *cells, *[""] * 5])
-    seeds = "; ".join(f"{record.mean(default, seeds=(seed,))[0]:.1f}" for seed in SEEDS)
+    for rival in ("cosine", "hog", "sad"):
+        cells = [record.cell(default, rival), record.cell(default, rival, LATE), "", "", ""]
+        rows.append([f"{SIMPLER[rival]} instead of a network", *cells, *of_row(default, SIMPLER[rival]), ""])
     papers = ", ".join(f"{name.replace('_', ' ')} {record.cell(default, name)}" for name in PAPERS)
-    numbers = "; ".join(map(str, SEEDS))
-    sentence = f"R@1 of `{DEFAULT}` by seed ({numbers}): {seeds}. The paper's decoders on the same spikes: {papers}."
-    return f"{markdown([*head, '`cosine`', 'µJ', 'ms'], rows)}\n\n{sentence}"
+    table = markdown([*head, "`cosine`", *HEADS, "time on the chip, ms, modelled"], rows)
+    return f"{table}\n\nThe paper's decoders on the same spikes as `{DEFAULT}`: {papers}."
 
 
 def _long(record: Record) -> str:
     """Long maps: 500 and 1,500 Nordland places in one model of the default preset."""
     rows = []
     for title, row in LENGTHS.items():
-        cost = f"{record.mean(row, 'costs')[0]:.1f}" if row.costs else ""
-        rows.append([title, *simpler(record, row), cost])
-    return markdown(["places in one model", "as learned", *SIMPLER.values(), "µJ"], rows)
+        rows.append([title, *simpler(record, row), *of_row(row), *of_row(row, "`cosine`", ENERGY[1:2])])
+    return markdown(["places in one model", "as learned", *SIMPLER.values(), *HEADS, f"`cosine`: {HEADS[1]}"], rows)
 
 
 def _adapted(record: Record) -> str:
@@ -136,7 +157,7 @@ def _views(record: Record) -> str:
 
 
 def _six(record: Record) -> str:
-    """What a newcomer should know first: R@1 in percent, with what is simpler beside it, and microjoules."""
+    """What a newcomer should know first: R@1 in percent, with what is simpler beside it, and energies."""
     titled = {
         "Nordland, 100 places, five sections": LEARNED[DEFAULT],
         "the same in a quarter of the time, preset `fast`": LEARNED["fast"],
@@ -147,10 +168,16 @@ def _six(record: Record) -> str:
     }
     rows = []
     for title, row in titled.items():
-        own, *rivals = (f"{record.mean(row, name)[0]:.1f}" for name in ("network", *SIMPLER))
-        cost = f"{record.mean(row, 'costs')[0]:.1f} µJ" if row.costs else ""
-        rows.append([title, f"**{own}**", *rivals, cost])
-    return markdown(["", "recognised (R@1)", *SIMPLER.values(), "energy, modelled"], rows)
+        own, *rivals = (record.cell(row, name, figures=1) for name in ("network", *SIMPLER))
+        cosine = of_row(LEARNED[DEFAULT] if row is LEARNED["fast"] else row, "`cosine`", ENERGY[1:2])
+        rows.append([title, f"**{own}**", *rivals, *of_row(row), *cosine])
+    return markdown(["", "recognised (R@1)", *SIMPLER.values(), *HEADS, f"`cosine`: {HEADS[1]}"], rows)
+
+
+def _conditions(_: Record) -> str:
+    """What the energies depend on, and what computes them."""
+    known = read("energy")
+    return f"Energies, nominal (low to high): {known.conditions} (`{known.command}`)."
 
 
 def _origin(record: Record) -> str:
@@ -164,6 +191,6 @@ def _origin(record: Record) -> str:
 
 _PARTS: Mapping[str, Callable[[Record], str]] = {
     **{"sections": _sections, "long": _long, "adapted": _adapted, "views": _views},
-    **{"six": _six, "origin": _origin},
+    **{"six": _six, "conditions": _conditions, "origin": _origin},
 }
 PARTS = {name: lambda part=part: part(Record.read()) for name, part in _PARTS.items()}  # type: ignore[misc]

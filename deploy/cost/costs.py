@@ -162,18 +162,19 @@ def _figures(plan: Plan, events: EventCounts, constants: CostConstants) -> Board
     steps = Estimate.of(lambda level: float(all_microseconds(plan, events, constants, level).mean()))
     milliseconds = query_milliseconds(plan, steps, constants)
     sent, counts = host_milliseconds(plan, events, constants)
-    wall = wall_milliseconds(plan, milliseconds, steps, next(iter(sent.values())), counts)
+    taken = 0 if plan.network.bias_input else plan.network.steps
+    wall = wall_milliseconds(milliseconds, next(iter(sent.values())), counts, steps, taken)
     receive, neurons = step_nanoseconds(events, constants, "nominal")
     share = float((receive > neurons).mean())
     return BoardFigures(
         dynamic_by_component=_dynamic(plan, events, constants),
         milliseconds=milliseconds,
         step_microseconds=steps,
-        static_millijoules=_static(plan, milliseconds, constants),
+        static_millijoules=static_millijoules(plan, milliseconds, constants),
         io_milliseconds_by_way={way: time + counts for way, time in sent.items()},
         io_microjoules_by_way=_input_microjoules(plan, events, constants),
         wall_milliseconds=wall,
-        wall_static_millijoules=_static(plan, wall, constants),
+        wall_static_millijoules=static_millijoules(plan, wall, constants),
         busiest={"receive": share, "neurons": 1 - share},
         embedded=embedded.as_json(plan, events, constants),
     )
@@ -282,7 +283,7 @@ def query_milliseconds(plan: Plan, step_microseconds: Estimate, constants: CostC
 
 
 def wall_milliseconds(
-    plan: Plan, milliseconds: Estimate, step_microseconds: Estimate, sent: Estimate, counts: Estimate
+    milliseconds: Estimate, sent: Estimate, counts: Estimate, step_microseconds: Estimate, taken: float
 ) -> Estimate:
     """Time of a query on the chip and in the host's traffic, as the program on the chip takes packets.
 
@@ -290,13 +291,18 @@ def wall_milliseconds(
     has the counts of the one before: these times add up. Input spikes it takes step by step, while the host, which the
     channel lets be some packets ahead, sends those of later steps: each step but one passes during a packet, or a
     packet during a step, whichever is shorter. High: nothing overlaps.
+
+    Args:
+        milliseconds: Time on the chip.
+        sent, counts: Time of what the host sends, and of the counts that come back, in ms.
+        step_microseconds: Mean time of a step.
+        taken: Steps in which input spikes are taken; 0: settings are.
     """
 
     def overlapped(level: Level) -> float:
-        if plan.network.bias_input or level == "high":
+        if level == "high" or not taken:
             return 0.0
-        steps = plan.network.steps
-        return (steps - 1) * min(step_microseconds.at(level) / 1e3, sent.at(level) / steps)
+        return (taken - 1) * min(step_microseconds.at(level) / 1e3, sent.at(level) / taken)
 
     together = milliseconds + sent + counts
     return Estimate.of(lambda level: together.at(level) - overlapped(level))
@@ -340,7 +346,7 @@ def _input_microjoules(plan: Plan, events: EventCounts, constants: CostConstants
     return {mode: picojoules * 1e-6 for mode, picojoules in in_order}
 
 
-def _static(plan: Plan, milliseconds: Estimate, constants: CostConstants) -> Estimate:
+def static_millijoules(plan: Plan, milliseconds: Estimate, constants: CostConstants) -> Estimate:
     """Millijoules that all chips of the board draw in so long."""
     power = (constants.static + constants.embedded) * plan.board.chips
     return Estimate.of(lambda level: power.at(level) * milliseconds.at(level) / 1e3)

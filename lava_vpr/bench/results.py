@@ -160,6 +160,7 @@ class SweepPoint:
         microjoules: Dynamic energy of a query.
         milliseconds: Time of a query on the chip.
         mean_steps: Steps of a query; fewer than ``steps`` with early stopping.
+        board_microjoules: All energy of a query on the board, dynamic and static.
         front: No other point is at least as good in recall, energy and time and better in one; of points without early
             stopping, which no backend does yet, no other without it.
         chosen: The preset ``fast``, or this model as it stands.
@@ -170,6 +171,7 @@ class SweepPoint:
     microjoules: float
     milliseconds: float
     mean_steps: float
+    board_microjoules: float
     front: bool = False
     chosen: str = ""
 
@@ -234,6 +236,7 @@ class Bench:
         command: How to repeat the run.
         asked: Recall and costs with views or adaptation; None: not asked for, or failed.
         energy: All the energy of a query by every way to answer it: boards, the host engine, cosine.
+        pixels: Width and height of the query images; None: they are vectors.
         failed: What was asked for and could not be done, by stage, with the reason.
         trust: How far probabilities can be trusted, by way to answer; empty where there are none.
         on_map: Where queries were matched; None where positions are not known.
@@ -253,6 +256,7 @@ class Bench:
     command: str = ""
     asked: QueryVariants | None = None
     energy: tuple[AnsweringWay, ...] = ()
+    pixels: tuple[int, int] | None = None
     failed: dict[str, str] = field(default_factory=dict)
     trust: dict[str, Trust] = field(default_factory=dict)
     on_map: OnMap | None = None
@@ -270,7 +274,7 @@ class AnsweringWay:
         encoding_milliseconds: The processor's time from an image file to what is compared, median.
         dynamic: Modelled dynamic energy on the board; None: there is no board.
         static: Modelled static energy of the whole board while its chips work; None: there is no board.
-        io_static: That of the time for which host I/O goes on after the chips' work; None: there is no board.
+        io_static: That of the time for which the chips wait for host I/O besides; None: there is no board.
     """
 
     name: str

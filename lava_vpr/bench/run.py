@@ -213,6 +213,7 @@ def recall_and_costs(
         sweep=work.tried("sweep", _sweep, ()),
         asked=work.tried("asking", _asked, None),
         energy=work.tried("energy", _energy, ()),
+        pixels=traverse.pixels,
         command=command,
         failed=work.failed,
     )

@@ -176,6 +176,7 @@ def _candidate(as_learned: Settings, point: Point, best: bool, chosen: str) -> S
         measurement.microjoules,
         measurement.milliseconds,
         measurement.steps,
+        measurement.board_microjoules,
         front=best,
         chosen=chosen,
     )

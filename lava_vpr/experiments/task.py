@@ -21,11 +21,13 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, integer_config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
+from lava_vpr.deploy.boards.constants import CostConstants, Estimate
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.compression import requantised
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.cost.closed_form import step_picojoules
-from lava_vpr.deploy.cost.costs import all_microseconds, outside_steps
+from lava_vpr.deploy.cost.costs import all_microseconds, outside_steps, static_millijoules, wall_milliseconds
+from lava_vpr.deploy.cost.embedded import host_milliseconds
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import EncodedTraverse, query_rates
 from lava_vpr.engine.presentations import Trains
@@ -87,12 +89,14 @@ class Measurement:
         metrics: Figures of the default decoder.
         microjoules, milliseconds: Dynamic energy and time on the board, clearing of states included, host I/O not.
         steps: Steps of a query, silent ones included.
+        board_microjoules: All energy on the board: dynamic, and static until the host has the counts.
     """
 
     metrics: Metrics
     microjoules: float
     milliseconds: float
     steps: float
+    board_microjoules: float
 
     @property
     def objectives(self) -> tuple[float, float, float]:
@@ -168,6 +172,8 @@ def figures(run: Run, margins: Sequence[float]) -> list[Measurement]:
     time = np.cumsum(all_microseconds(run.plan, events, constants, "nominal"), axis=1) / 1e3
     outside_microjoules, outside_milliseconds = outside_steps(run.plan, constants)
     total = np.cumsum(run.trains.exc, axis=1, dtype=np.int32)
+    sent, counts = host_milliseconds(run.plan, events, constants)
+    traffic = next(iter(sent.values())), counts
     name = run.model.config.decoder.default
     lead = leads(run.model, total) if np.isfinite(margins).any() else np.zeros(total.shape[:2])
     measurements = []
@@ -175,15 +181,28 @@ def figures(run: Run, margins: Sequence[float]) -> list[Measurement]:
         steps = stops(lead, margin)
         at = np.arange(len(steps)), steps - 1
         scores = decode(run.model, np.ascontiguousarray(total[at]), name)
-        measurements.append(
-            Measurement(
-                evaluate(scores, confidence(name, scores), run.truth),
-                float(energy[at].mean() + outside_microjoules.nominal),
-                float(time[at].mean() + outside_milliseconds.nominal),
-                float(steps.mean()),
-            )
-        )
+        microjoules = float(energy[at].mean() + outside_microjoules.nominal)
+        in_steps, milliseconds = float(time[at].mean()), float(time[at].mean() + outside_milliseconds.nominal)
+        whole = microjoules + _static_microjoules(run, in_steps, milliseconds, float(steps.mean()), traffic, constants)
+        judged = evaluate(scores, confidence(name, scores), run.truth)
+        measurements.append(Measurement(judged, microjoules, milliseconds, float(steps.mean()), whole))
     return measurements
+
+
+def _static_microjoules(
+    run: Run,
+    in_steps: float,
+    milliseconds: float,
+    steps: float,
+    traffic: tuple[Estimate, Estimate],
+    constants: CostConstants,
+) -> float:
+    """Static energy until the host has the counts of a query that was stopped after so many ``steps``."""
+    (sent, counts), network = traffic, run.plan.network
+    taken = 0.0 if network.bias_input else min(steps, network.steps)
+    alone, step = (Estimate(x, x, x) for x in (milliseconds, 1e3 * in_steps / steps))
+    wall = wall_milliseconds(alone, sent * (taken / network.steps) if taken else sent, counts, step, taken)
+    return 1e3 * static_millijoules(run.plan, wall, constants).nominal
 
 
 def measured(shared: tuple[Case, Board, Sequence[float], int], settings: Settings) -> list[Measurement]:
@@ -273,10 +292,12 @@ class Costs(NamedTuple):
     """What a query costs on the board, modelled with nominal constants.
 
     Attributes:
+        board_microjoules: All energy on the board: dynamic, and static until the host has the counts.
         microjoules: Dynamic energy, clearing of states included, host I/O not.
         milliseconds: Time on the chip, the same.
     """
 
+    board_microjoules: float
     microjoules: float
     milliseconds: float
 
@@ -332,7 +353,7 @@ def modelled(model: Model, route: Route) -> Costs | None:
     some = slice(0, min(COSTED, len(route.queries)))
     trains = HostBackend().trains(model, query_presentations(model, route.queries).part(some))
     (found,) = figures(Run(model, plan, trains, route.truth[some]), (np.inf,))
-    return Costs(found.microjoules, found.milliseconds)
+    return Costs(found.board_microjoules, found.microjoules, found.milliseconds)
 
 
 def measure(model: Model, route: Route, *, whole: bool = True) -> dict[str, dict[str, float]]:

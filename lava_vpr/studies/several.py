@@ -216,8 +216,8 @@ def _all(costs: list[Costs | None]) -> Figures:
     known = [cost for cost in costs if cost is not None]
     if not known or len(known) < len(costs):
         return {}
-    together = Costs(sum(cost.microjoules for cost in known), max(cost.milliseconds for cost in known))
-    return {MODELLED: together._asdict()}
+    board, dynamic, times = zip(*known, strict=True)
+    return {MODELLED: Costs(sum(board), sum(dynamic), max(times))._asdict()}
 
 
 HYPERACTIVE = Study(

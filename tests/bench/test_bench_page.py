@@ -65,9 +65,11 @@ def test_ids_are_unique_and_links_lead_somewhere(text: str) -> None:
 def test_few_times_and_odd_ones_can_be_drawn() -> None:
     few = [Measured("one", "", milliseconds=(0.5,)), Measured("same", "", milliseconds=(2.0, 2.0))]
     assert "p99" in plots.latencies(few, "")
-    point = SweepPoint({"steps": 1}, metrics(), 1.0, 1.0, 1.0, front=True, chosen="fast")
+    point = SweepPoint({"steps": 1}, metrics(), 1.0, 1.0, 1.0, 9.0, front=True, chosen="fast")
     drawing = plots.pareto([point], "")
-    assert all(text in drawing for text in ("modelled energy, µJ", "modelled time, ms", ">fast<"))
+    assert all(
+        text in drawing for text in ("modelled energy on the board, µJ", "modelled time on the chip, ms", ">fast<")
+    )
     assert "all components" in plots.energy({"nothing": Estimate(0, 0, 0)}, "z", "")
 
 

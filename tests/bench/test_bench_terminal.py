@@ -24,8 +24,10 @@ def test_recall_comes_first_and_what_is_modelled_says_so() -> None:
     order = [text.index(part) for part in parts]
     assert order == sorted(order)
     assert re.search(r"energy, uJ +┃ +Kapoho Bay ┃ +this network, no board ┃ +cosine, no network ┃", text)
-    assert re.search(r"static in host I/O after that, modelled │ +1,000 \(0 to 7,000\) │ +- │ +- │", text), text
-    assert re.search(r"all of it +│ +8,380 \([\d,]+ to [\d,]+\) │ +8,000 \(4,000 to 16,000\) │ +7,150 \(", text), text
+    assert re.search(r"static while they wait for host I/O, modelled │ +1,000 \(0 to 7,000\) │ +- │ +- │", text), text
+    assert re.search(r"a whole query +│ +8,380 \([\d,]+ to [\d,]+\) │ +8,000 \(4,000 to 16,000\) │ +7,150 \(", text), (
+        text
+    )
     assert re.search(r"dynamic energy, uJ +│ +2\.23 │ +3\.04 │ +4\.02 │", text), text
     assert re.search(r"host I/O, apart, ms: injected \(in use\) +│ +1\.00 │ +13\.9 │", text)
     assert "absent: loihi2, modelled energy and time: no energy per operation" in text
@@ -35,10 +37,10 @@ def test_every_modelled_figure_stands_below_the_word() -> None:
     energies = ("uJ", "mJ", "pJ")
     run = bench()
     whole = described.energy(run.energy)
-    assert [whole.rows[k][0] for k in sorted(whole.strong)] == ["all but the encoding", "all of it"]
+    assert [whole.rows[k][0] for k in sorted(whole.strong)] == ["a whole query", "all but the encoding"]
     alone = described.energy(run.energy[1:])
     assert [row[0] for row in alone.rows if "board" in row[0]] == []
-    assert [alone.rows[k][0] for k in sorted(alone.strong)] == ["all but the encoding", "all of it"]
+    assert [alone.rows[k][0] for k in sorted(alone.strong)] == ["a whole query", "all but the encoding"]
     assert all(("modelled" in row[0]) == (row[0].startswith("board")) for row in whole.rows)
     shown = [described.modelled(run.targets["kapoho-bay"], FIGURES), described.sweep(run.sweep)]
     for grid in shown:
@@ -56,16 +58,27 @@ def test_every_modelled_figure_stands_below_the_word() -> None:
 def test_the_front_is_told_once_and_what_was_chosen_stands_out() -> None:
     def point(energy: float, **changes: Any) -> SweepPoint:
         values: dict[str, Any] = {"settings": {"steps": 30, "prune": 0.5}, "metrics": metrics(), "milliseconds": 0.1}
-        return SweepPoint(**{**values, "microjoules": energy, "mean_steps": 33.0, "front": True, **changes})
+        return SweepPoint(
+            **{
+                **values,
+                "microjoules": energy,
+                "mean_steps": 33.0,
+                "board_microjoules": 900.0,
+                "front": True,
+                **changes,
+            }
+        )
 
     rows = [point(1.0), point(1.0, settings={"steps": 31}), point(2.0, front=False), point(3.0, chosen="fast")]
     rows.append(point(0.5, settings={"stop_margin": 4.0}))
-    grid = described.sweep(rows)
-    assert [(row[0], row[4]) for row in grid.rows] == [
-        ("fast", "3.00"),
-        ("front", "1.00"),
-        ("front, stops early", "0.500"),
+    grid = described.sweep(rows, bench().energy)
+    # 7 mJ of encoding, .3 mJ of the host's part, and .9 mJ on the board.
+    assert [(row[0], *row[4:7]) for row in grid.rows] == [
+        ("fast", "8,200", "1,200", "3.00"),
+        ("front", "8,200", "1,200", "1.00"),
+        ("front, stops early", "8,200", "1,200", "0.500"),
     ]
+    assert described.sweep(rows).rows[0][4:7] == ("-", "-", "3.00")
     assert grid.rows[1][-1] == "steps 30, prune 0.5"
     assert grid.strong == {0}
     assert "judge a choice on others" in grid.notes[0]

@@ -120,6 +120,8 @@ def test_a_point_is_the_model_quantised_anew_and_modelled() -> None:
     assert told is not None
     assert result.microjoules == pytest.approx(told.dynamic_microjoules.nominal)
     assert result.milliseconds == pytest.approx(told.milliseconds.nominal)
+    whole = told.dynamic_microjoules.nominal + 1e3 * told.wall_static_millijoules.nominal
+    assert result.board_microjoules == pytest.approx(whole)
 
 
 def _front(points: Sequence[SweepPoint]) -> list[SweepPoint]:

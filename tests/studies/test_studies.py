@@ -214,6 +214,7 @@ def test_an_ensemble_adds_up_its_members() -> None:
         assert row("ensemble", label).figures[NETWORK]["auc"].by_seed[3] == figures.auc
     one, two = costs(row("ensemble", "1 member")), costs(row("ensemble", "2 members, other seeds"))
     assert two.microjoules > 1.5 * one.microjoules
+    assert two.board_microjoules > 1.5 * one.board_microjoules > 15 * one.microjoules
 
 
 @pytest.mark.parametrize(
@@ -292,7 +293,7 @@ def test_a_board_that_cannot_run_a_network_leaves_a_gap(monkeypatch: pytest.Monk
     made = study_rows(bits)
     assert [costs(one) for one in made] == [None, None]
     assert as_json(bits, made)["points"][1]["modelled"] is None
-    assert "modelled uJ" not in table(bits, made).columns
+    assert "board uJ, modelled" not in table(bits, made).columns
     assert as_json(bits, made)["points"][0]["network"]["auc"]["deviation"] is None
     assert table(bits, (found("bits")[0], made[1])).rows[1][-2:] == ("-", "-")
 
@@ -351,7 +352,7 @@ def test_no_axis_of_recall_goes_on_beyond_all(draw: Callable[..., str], recall: 
             f"{k}",
             k,
             0,
-            {NETWORK: dict.fromkeys(Recall._fields, value), MODELLED: Costs(k / 8, k / 16)._asdict()},
+            {NETWORK: dict.fromkeys(Recall._fields, value), MODELLED: Costs(k, k / 8, k / 16)._asdict()},
         )
         for k, value in enumerate(recall, start=2)
     )

@@ -73,6 +73,7 @@ def as_json(bench: Bench) -> dict[str, Any]:
         "recall": bench.recall,
         "probability": {name: found.as_json() for name, found in bench.trust.items()},
         "position_error": None if bench.on_map is None else bench.on_map.errors.as_json(),
+        "query_pixels": bench.pixels,
         "energy": {way.name: way.as_json() for way in bench.energy} or None,
         "measured": {row.name: _timing(row) for row in bench.measured},
         "modelled": {name: row.as_json() for name, row in bench.targets.items()},

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from lava_vpr.bench.results import Bench, Modelled
+from lava_vpr.bench.results import AnsweringWay, Bench, Modelled
 from lava_vpr.bench.show import plots
 from lava_vpr.bench.show.json_values import absent, assumptions, percentiles
-from lava_vpr.bench.show.tables import sections, title_of
+from lava_vpr.bench.show.tables import DYNAMIC, WHOLE, WITHOUT_ENCODING, sections, title_of
 from lava_vpr.report import trust
 from lava_vpr.report.build import map_of
 from lava_vpr.report.sections import where
@@ -21,7 +21,8 @@ def _header(bench: Bench) -> str:
     """The head of the page: recall first, then the costs in one line each."""
     metrics = bench.recall
     facts = {**bench.model, **bench.machine}
-    in_short = [(f"modelled, {title_of(name)}", _in_short(costs)) for name, costs in bench.targets.items()]
+    ways = {way.name: way for way in bench.energy}
+    in_short = [(title_of(name), _in_short(costs, ways.get(name))) for name, costs in bench.targets.items()]
     for host in bench.measured:
         at = percentiles(host)
         if host.name == "host" and at:
@@ -38,12 +39,15 @@ def _header(bench: Bench) -> str:
     )
 
 
-def _in_short(costs: Modelled) -> str:
-    """Energy and time of a target, or that there are none."""
+def _in_short(costs: Modelled, way: AnsweringWay | None) -> str:
+    """Energy of a query with a target, whole first, and time on it, or that there are none."""
     if costs.figures is None:
         return f'unavailable <span class="note">{in_html(costs.unavailable or "")}</span>'
-    figures = []
-    for value, unit in ((costs.figures.dynamic_microjoules, "uJ dynamic"), (costs.figures.milliseconds, "ms")):
+    figures, shown = [], [(costs.figures.milliseconds, "ms on the chip, modelled")]
+    if way is not None and way.dynamic is not None:
+        energies = ((way.whole, WHOLE), (way.without_encoding, WITHOUT_ENCODING), (way.dynamic, DYNAMIC))
+        shown = [*((value, f"uJ: {name}") for value, name in energies), *shown]
+    for value, unit in shown:
         span = f"({figure(value.low)} to {figure(value.high)})"
         figures.append(f'{in_html(f"{figure(value.nominal)} {unit}")} <span class="note">{span}</span>')
     return ", ".join(figures)

@@ -137,9 +137,9 @@ def pareto(rows: Sequence[SweepPoint], label: str) -> str:
     """Recall of every setting against its energy and its time; the best are joined, what was chosen is named."""
     canvas_ = canvas(WIDTH + 200, 404)
     recalls = [100 * candidate.metrics.recall_at_1 for candidate in rows]
-    for k, what in enumerate(("energy, µJ", "time, ms")):
+    for k, what in enumerate(("energy on the board, µJ", "time on the chip, ms")):
         axes = gridded(canvas_, (0.07 + 0.49 * k, 0.13, 0.43, 0.78))
-        costs = [candidate.microjoules if k == 0 else candidate.milliseconds for candidate in rows]
+        costs = [candidate.board_microjoules if k == 0 else candidate.milliseconds for candidate in rows]
         for early, (_, colour, style, marker) in zip((True, False), _FRONTS, strict=True):
             points = [
                 (cost, recall)

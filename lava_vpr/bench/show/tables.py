@@ -5,6 +5,7 @@ Whatever the cost model says stands in a row or column whose heading says "model
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -23,7 +24,7 @@ from lava_vpr.bench.results import (
 )
 from lava_vpr.bench.show.json_values import PERCENTILES, absent, counts, percentiles
 from lava_vpr.deploy.boards.board import BOARDS
-from lava_vpr.deploy.boards.constants import HOST_POWER, LEVELS, Estimate
+from lava_vpr.deploy.boards.constants import HOST_POWER, Estimate
 from lava_vpr.matching.evaluation import TITLES, Metrics, values_of
 from lava_vpr.show.numbers import NONE, count, figure, levels, named, percent, ranged, size
 from lava_vpr.show.table import Table
@@ -34,22 +35,22 @@ _WAYS = {
     "sad": "SAD, no network",
     "hog": "HOG, no network",
 }
-_WATTS = ", ".join(f"{HOST_POWER.at(level) / 1e3:g}" for level in LEVELS)
+WATTS = "{:g} W ({:g} to {:g})".format(*(HOST_POWER.at(level) / 1e3 for level in ("nominal", "low", "high")))
 
+WHOLE, WITHOUT_ENCODING, DYNAMIC = "a whole query", "all but the encoding", "board, dynamic, modelled"
 _ENERGIES: tuple[tuple[str, Callable[[AnsweringWay], Estimate | None]], ...] = (
-    ("board, dynamic, modelled", lambda way: way.dynamic),
-    ("board, static while its chips work, modelled", lambda way: way.static),
-    ("board, static in host I/O after that, modelled", lambda way: way.io_static),
-    ("processor, match or its part of it, timed here", lambda way: way.work),
-    ("all but the encoding", lambda way: way.without_encoding),
+    (WHOLE, lambda way: way.whole),
+    (WITHOUT_ENCODING, lambda way: way.without_encoding),
     ("processor, encoding of the image, timed here", lambda way: way.encoding),
-    ("all of it", lambda way: way.whole),
+    ("processor, match or its part of it, timed here", lambda way: way.work),
+    ("board, static while its chips work, modelled", lambda way: way.static),
+    ("board, static while they wait for host I/O, modelled", lambda way: way.io_static),
+    (DYNAMIC, lambda way: way.dynamic),
 )
-_SUMS = ("all but the encoding", "all of it")
 
 _ENERGY_NOTE = (
     "Nominal (low to high). Board: modelled, all its chips, used or not. Processor: median time of single queries on "
-    f"one thread of this machine, measured, times an assumed {_WATTS} W. Its idle power, packing for USB, and a camera "
+    f"one thread of this machine, measured, times an assumed {WATTS}. Its idle power, packing for USB, and a camera "
     "are in no figure."
 )
 
@@ -255,15 +256,18 @@ def peers(rows: Sequence[Peer]) -> Table:
     return Table(heads, cells, (note,), "peers on the same images", long=frozenset({7}))
 
 
-def sweep(rows: Sequence[SweepPoint]) -> Table:
-    """The front of the sweep, dearest first, and what was chosen."""
+def sweep(rows: Sequence[SweepPoint], ways: Sequence[AnsweringWay] = ()) -> Table:
+    """The front of the sweep, dearest first, and what was chosen; the host's part is that of the board in ``ways``."""
+    host = next((way for way in ways if way.dynamic is not None), None)
+    beside = (math.nan, math.nan) if host is None else (host.encoding.nominal + host.work.nominal, host.work.nominal)
     shown = sorted(
         (candidate for candidate in rows if candidate.front or candidate.chosen),
         key=lambda candidate: -candidate.microjoules,
     )
     cells: dict[tuple[object, ...], tuple[str, ...]] = {}
     for candidate in shown:
-        costs = (figure(candidate.microjoules), figure(candidate.milliseconds), figure(candidate.mean_steps))
+        energies = (*(candidate.board_microjoules + part for part in beside), candidate.microjoules)
+        costs = map(figure, (*energies, candidate.milliseconds, candidate.mean_steps))
         at = figures_of(candidate.metrics)
         kind = "front, stops early" if "stop_margin" in candidate.settings else "front"
         row = (candidate.chosen or kind, at[0], at[3], at[5], *costs, _settings(candidate.settings))
@@ -274,14 +278,19 @@ def sweep(rows: Sequence[SweepPoint]) -> Table:
     lines = tuple(cells.values())
     return Table(
         title=f"sweep: the front of {len(rows)} points",
-        columns=("point", "R@1", "R@100P", "AUC", "modelled uJ", "modelled ms", "mean steps", "unlike this model"),
+        columns=(
+            *("point", "R@1", "R@100P", "AUC", "uJ: a whole query, partly modelled"),
+            *("uJ: all but the encoding, partly modelled", "uJ: board, dynamic, modelled"),
+            *("modelled ms", "mean steps", "unlike this model"),
+        ),
         rows=lines,
         strong=frozenset(k for k, row in enumerate(lines) if not row[0].startswith("front")),
-        long=frozenset({7}),
+        long=frozenset({9}),
         notes=(
-            "Recall in percent, on the very queries that the search chose on: judge a choice on others. Energy and "
-            "time modelled for Kapoho Bay, nominal, clearing included, host I/O not. Of points with equal figures, "
-            "one. No backend stops early yet.",
+            "Recall in percent, on the very queries that the search chose on: judge a choice on others. Dynamic energy "
+            "and time on the chip modelled for Kapoho Bay, nominal, clearing included, host I/O not; the host's part "
+            f"as in the table of energies, at {HOST_POWER.nominal / 1e3:g} W. Of points with equal figures, one. No "
+            "backend stops early yet.",
         ),
     )
 
@@ -329,23 +338,27 @@ def anchors() -> Table:
     return Table(heads, rows, title="published figures, none of them the same task", long=frozenset({3, 4}))
 
 
-def energy(ways: Sequence[AnsweringWay], titles: Sequence[str] | None = None) -> Table:
+def energy(
+    ways: Sequence[AnsweringWay], titles: Sequence[str] | None = None, pixels: tuple[int, int] | None = None
+) -> Table:
     """All the energy of a query, a column for each way; without ways it has no rows, without a board none of boards.
 
     Args:
         ways: Every way to answer a query.
         titles: Their headings; None: by their names.
+        pixels: Width and height of the images; None: they are vectors.
     """
     heads = titles or [_WAYS.get(way.name, title_of(way.name).partition(" (")[0]) for way in ways]
+    images = "" if pixels is None else f", images of {pixels[0]} x {pixels[1]} pixels"
     rows = [("R@1, percent", *(percent(way.recall) for way in ways))]
     rows += [(name, *(ranged(of(way)) for way in ways)) for name, of in _ENERGIES if any(of(way) for way in ways)]
     times = (("processor's time, ms: match or its part", "work"), ("processor's time, ms: encoding", "encoding"))
     rows += [(text, *(figure(getattr(way, f"{name}_milliseconds")) for way in ways)) for text, name in times]
     return Table(
-        title="energy of a query, all of it, uJ",
+        title=f"energy of a query, all of it, uJ: a processor of {WATTS}{images}",
         columns=("energy, uJ", *heads),
         rows=tuple(rows) if ways else (),
-        strong=frozenset(k for k, row in enumerate(rows) if row[0] in _SUMS),
+        strong=frozenset(k for k, row in enumerate(rows) if row[0] in (WHOLE, WITHOUT_ENCODING)),
         notes=(_ENERGY_NOTE,),
     )
 
@@ -356,12 +369,12 @@ def sections(bench: Bench, page: bool = True) -> dict[str, tuple[Table, ...]]:
     tables_of: dict[str, tuple[Table, ...]] = {
         "recall": (recall(bench),),
         "probability": (thresholds(bench),),
-        "energy": (energy(bench.energy),),
+        "energy": (energy(bench.energy, pixels=bench.pixels),),
         "measured": (timings(bench.measured), on_boards(bench.measured)),
         "modelled": (*on_board, counted(bench), *(() if bench.asked is None else (asked(bench.asked),))),
         "workload": () if bench.workload is None else (workload(bench.workload),),
         "peers": (peers(bench.peers),),
-        "sweep": (sweep(bench.sweep),),
+        "sweep": (sweep(bench.sweep, bench.energy),),
     }
     if page:
         tables_of["measured"] += (timed(bench.measured),)

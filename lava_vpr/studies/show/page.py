@@ -9,12 +9,12 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
 
 from lava_vpr.experiments.grid import Row, Spread
-from lava_vpr.experiments.task import MODELLED, NETWORK, Costs
+from lava_vpr.experiments.task import MODELLED, NETWORK
 from lava_vpr.matching.evaluation import Recall, titles
 from lava_vpr.show.page import Section, drawn, reproduction, sheet, terms
 from lava_vpr.show.svg import THEME, canvas, gridded, themed, to_svg
 from lava_vpr.show.templates import render, safe
-from lava_vpr.studies.show.values import table
+from lava_vpr.studies.show.values import SHOWN, table
 from lava_vpr.studies.study import Study, StudyRequest
 
 WIDTH = 560
@@ -91,7 +91,7 @@ def costs(rows: Sequence[Row], axis: str, label: str) -> str:
     """R@1 against modelled energy and time, points named by their value."""
     rows = [row for row in rows if MODELLED in row.figures]
     figure = canvas(WIDTH, 270)
-    for k, (name, what) in enumerate(zip(Costs._fields, ("energy, µJ", "time, ms"), strict=True)):
+    for k, (name, what) in enumerate(zip(SHOWN, ("energy on the board, µJ", "time on the chip, ms"), strict=True)):
         axes = gridded(figure, (0.1 + 0.46 * k, 0.18, 0.42, 0.74))
         points = [(row.figures[MODELLED][name].mean, _mean(row, "recall_at_1"), row.label) for row in rows]
         axes.plot([x for x, _, _ in points], [y for _, y, _ in points], color=THEME["c0"], marker="o", markersize=5)

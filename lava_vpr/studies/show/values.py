@@ -7,7 +7,7 @@ from typing import Any
 
 from lava_vpr.configfile import to_dict
 from lava_vpr.experiments.grid import Row, Spread
-from lava_vpr.experiments.task import BOARD, COSTED, FACTS, MODELLED, NETWORK, Costs
+from lava_vpr.experiments.task import BOARD, COSTED, FACTS, MODELLED, NETWORK
 from lava_vpr.matching.evaluation import Recall, titles
 from lava_vpr.show.numbers import NONE, count, figure, named, percent
 from lava_vpr.show.table import Table
@@ -15,6 +15,8 @@ from lava_vpr.studies.study import StudyRequest
 
 SHARES = ("covered", "removed")
 """Facts that are shares, shown in percent; all others are counts."""
+SHOWN = ("board_microjoules", "milliseconds")
+"""Costs beside recall: never the dynamic energy without the rest."""
 
 
 def as_json(asked: StudyRequest, rows: Sequence[Row]) -> dict[str, Any]:
@@ -60,13 +62,13 @@ def table(asked: StudyRequest, rows: Sequence[Row]) -> Table:
     """The table of a study: recall with its spread over seeds, then facts, baselines and modelled costs."""
     facts = tuple(dict.fromkeys(name for row in rows for name in row.figures.get(FACTS, ())))
     baselines = tuple(dict.fromkeys(name for row in rows for name in baselines_of(row)))
-    costs = ("modelled uJ", "modelled ms") if any(MODELLED in row.figures for row in rows) else ()
+    costs = ("board uJ, modelled", "chip ms, modelled") if any(MODELLED in row.figures for row in rows) else ()
     lines = []
     for row in rows:
         cells = [row.label, *(shared(row.figures[NETWORK][name]) for name in Recall._fields)]
         cells += [(percent if name in SHARES else count)(row.mean(FACTS, name)) for name in facts]
         cells += [_three(row, name) for name in baselines]
-        cells += [figure(row.mean(MODELLED, name)) for name in Costs._fields] if costs else []
+        cells += [figure(row.mean(MODELLED, name)) for name in SHOWN] if costs else []
         lines.append(tuple(cells))
     note = f"Recall in percent, exact matches as the truth has them, mean of seeds {', '.join(map(str, asked.seeds))}"
     note += ", ± their standard deviation." if len(asked.seeds) > 1 else "."
@@ -74,8 +76,9 @@ def table(asked: StudyRequest, rows: Sequence[Row]) -> Table:
         note += f" Baselines: {' / '.join(titles())}."
     if costs:
         note += (
-            f" Energy and time of a query: modelled for {BOARD.title}, nominal, dynamic, clearing included, host I/O "
-            f"not; seed {asked.seeds[0]}, first {COSTED} queries."
+            f" Energy of a query on the board (static for as long as it works and waits for the host, and dynamic) and "
+            f"time on the chip: modelled for {BOARD.title}, nominal; encoding and the host's own work come on top "
+            f"(bench); seed {asked.seeds[0]}, first {COSTED} queries."
         )
     numbers = f"{len(asked.route.queries)} queries, {asked.route.places} places, preset {asked.config.preset}"
     columns = (asked.study.varied, *titles(), *map(named, facts), *baselines, *costs)

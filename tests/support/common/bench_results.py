@@ -128,7 +128,9 @@ def bench(**changes: Any) -> Bench:
         energy = 0.02 * steps + 0.03 * spikes + 0.3 * rng.random()
         wrong = int(np.clip(7 - 1.5 * np.log(energy) - rng.random() * 3, 0, 9))
         settings = {"steps": steps, "weight_bits": 2, "query_spikes": spikes, **({"stop_margin": 1.0} if k % 5 else {})}
-        candidates.append(SweepPoint(settings, metrics(wrong), energy, steps / 400, steps + 3.0, front=k % 9 == 0))
+        candidates.append(
+            SweepPoint(settings, metrics(wrong), energy, steps / 400, steps + 3.0, 9 * energy, front=k % 9 == 0)
+        )
     candidates[9] = replace(candidates[9], chosen="fast")
     candidates[18] = replace(candidates[18], chosen="this model")
     second = Modelled("loihi2", 1, 1, None, 53, "injected", counts=modelled().counts)
