@@ -4,7 +4,7 @@
 
 Every line is the mean over its sections and seeds; each seed draws its own start weights and its own noise in training,
 in the references' responses and in queries. Below a network stand other matchers on the same images, the paper's
-decoders on the same spikes. Energy and time are modelled for Kapoho Bay: dynamic, nominal, clearing included, host I/O
+decoders on the same spikes. Time on the chip is modelled for Kapoho Bay: nominal, clearing included, host I/O
 not. What `make results` computes is not repeated here.
 """
 
@@ -95,7 +95,7 @@ def lines(row: ResultRow, seeds: Sequence[int]) -> list[list[str]]:
     """The lines of a row: its network, then its other matchers."""
     record = Record({}, task=figures)
     record.bring_up_to_date([row], seeds)
-    costs = [f"{value:.3g}" for value in record.mean(row, "costs")] if row.costs and 0 in seeds else []
+    costs = [f"{record.mean(row, 'costs')[1]:.3g}"] if row.costs and 0 in seeds else []
     named = {row.name: "network"} | {f"  {matcher}": matcher for matcher in row.matchers}
     made = [[name, *(f"{value:.1f}" for value in record.mean(row, of, seeds=seeds))] for name, of in named.items()]
     return [made[0] + costs, *made[1:]]
@@ -107,7 +107,7 @@ def lines(row: ResultRow, seeds: Sequence[int]) -> list[list[str]]:
 def main(table: str, seeds: Sequence[int]) -> Printed:
     """Print recall on real images, and what it costs where that changes."""
     rows = [line for row in TABLES[table] for line in lines(row, seeds)]
-    columns = ("", "R@1", "R@100P", "AUC", "µJ", "ms")[: max(map(len, rows))]
+    columns = ("", "R@1", "R@100P", "AUC", "modelled ms")[: max(map(len, rows))]
     filled = [[*row, *[""] * (len(columns) - len(row))] for row in rows]
     title = f"percent, seeds {', '.join(map(str, seeds))}"
     yield BenchmarkTable(columns, filled, title=title, record=table if table == "chip-learning" else "")

@@ -107,10 +107,16 @@ def of_row(row: ResultRow, way: str = "Kapoho Bay", names: Sequence[str] = ENERG
     return [""] * len(names) if case is None else energies(f"{case}, {way}", names)
 
 
+def strong(cell: str) -> str:
+    """A cell with its means emphasised, not what is in brackets."""
+    mean, bracket, rest = cell.partition(" (")
+    return f"**{mean}**{bracket}{rest}"
+
+
 def simpler(record: Record, row: ResultRow, suffix: str = "") -> list[str]:
     """The cells of a row: its network, then what is simpler; empty where that was not computed."""
     others = (record.cell(row, name + suffix) if name in row.matchers else "" for name in SIMPLER)
-    return [f"**{record.cell(row, f'network{suffix}')}**", *others]
+    return [strong(record.cell(row, f"network{suffix}")), *others]
 
 
 def _sections(record: Record) -> str:
@@ -118,7 +124,7 @@ def _sections(record: Record) -> str:
     head = ["", "as learned", "places 200:500, which the search did not see", "without learning", "Poisson trains"]
     rows = []
     for name, row in LEARNED.items():
-        cells = [f"**{record.cell(row)}**", record.cell(row, sections=LATE), record.cell(row, "template")]
+        cells = [strong(record.cell(row)), record.cell(row, sections=LATE), record.cell(row, "template")]
         cells += [record.cell(DRAWN[name]), record.cell(row, "cosine"), *of_row(row)]
         cells.append(f"{record.mean(row, 'costs')[1]:.2f}")
         rows.append([f"preset `{name}`", *cells])
@@ -152,7 +158,12 @@ def _views(record: Record) -> str:
     """Gardens Point on the other side of the path, and what several views of a place cost Nordland."""
     costs = {title: record.cell(RIDDEN.get(title, LEARNED[DEFAULT])) for title in WALKED}
     rows = [[title, *simpler(record, row), costs[title]] for title, row in WALKED.items()]
-    head = ["views of each place", "as learned", *SIMPLER.values(), "what it costs the five Nordland sections"]
+    head = [
+        "views of each place; 50 queries",
+        "as learned",
+        *SIMPLER.values(),
+        "what it costs the five Nordland sections",
+    ]
     return markdown(head, rows)
 
 
@@ -164,13 +175,13 @@ def _six(record: Record) -> str:
         "Nordland, 500 places in one map": LENGTHS["500"],
         "Nordland, 1,500 places in one map": LENGTHS["1,500"],
         "Nordland, ten further sections of 100, which the search did not see": FURTHER,
-        "Gardens Point, 50 places, from the other side of the path": list(WALKED.values())[-1],
+        "Gardens Point, 50 places, 50 queries, from the other side of the path": list(WALKED.values())[-1],
     }
     rows = []
     for title, row in titled.items():
         own, *rivals = (record.cell(row, name, figures=1) for name in ("network", *SIMPLER))
         cosine = of_row(LEARNED[DEFAULT] if row is LEARNED["fast"] else row, "`cosine`", ENERGY[1:2])
-        rows.append([title, f"**{own}**", *rivals, *of_row(row), *cosine])
+        rows.append([title, strong(own), *rivals, *of_row(row), *cosine])
     return markdown(["", "recognised (R@1)", *SIMPLER.values(), *HEADS, f"`cosine`: {HEADS[1]}"], rows)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.figures import read
 from benchmarks.places import PlacesSection
 from benchmarks.results import __main__ as command, rows, tables
 from benchmarks.results.rows import REMEDY, Record
@@ -49,8 +50,10 @@ def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:
     made.write()
     read = Record.read(file)
     assert read == made
-    assert read.cell(row) == "93.0 / 80.5 / 7.2"
-    assert read.cell(row, sections=FIVE[2:]) == "94.0 / 80.5 / 7.2"
+    # 500 queries, then 300: no finer than one of them, and from the least seed to the most.
+    assert read.cell(row) == "93.0 / 80.4 / 7.2 (92.0 / 80.4 / 7.2 to 94.0 / 80.4 / 7.2)"
+    assert read.cell(row, sections=FIVE[2:], figures=1) == "94.0 (93.0 to 95.0)"
+    assert read.cell(row, sections=FIVE[:1], figures=1) == "91 (90 to 92)"
     assert read.mean(row, seeds=(0,))[0] == 92.0
     assert read.mean(row, "costs") == [4.0, 1.0]
     assert read.origin == (rows.short_hash("settings"), "sources")
@@ -94,7 +97,7 @@ def test_what_is_up_to_date_is_not_computed_again(tmp_path: Path) -> None:
 
 
 def test_what_the_page_says_of_its_tables_is_so() -> None:
-    """Learning one clean traverse brings nothing; where cosine is ahead; what `fast` takes the chip."""
+    """Learning one clean traverse brings nothing; where cosine is ahead, and takes less energy."""
     kept = Record.read()
     for row in tables.ROWS:
         if "template" in row.matchers:
@@ -105,12 +108,29 @@ def test_what_the_page_says_of_its_tables_is_so() -> None:
     assert kept.mean(tables.LENGTHS["1,500"], "cosine")[1] > kept.mean(tables.LENGTHS["1,500"])[1]
     every = tables.LENGTHS["1,500, all inputs spike in queries"]
     assert np.all(np.array(kept.mean(every, "cosine")) > kept.mean(every))
+    assert kept.cell(every).startswith("80.3 / 40.5 / 78.7 (80.2 / 35.8 / ")
+    assert " to 80.3 / 48.7 / " in kept.cell(every)
     adapted = (kept.mean(LEARNED[DEFAULT], f"{name}, adapted") for name in ("cosine", "network"))
     assert np.all(np.greater(*adapted))
-    assert "1.1 µJ, is a hundredth" in (rows.ROOT / "docs" / "results.md").read_text(encoding="utf-8").replace(
-        "\n  ", " "
-    )
-    assert f"{kept.mean(LEARNED['fast'], 'costs')[0]:.1f}" == "1.1"
+    assert read("energy").columns[2:4] == [tables.WHOLE, tables.WITHOUT_ENCODING]
+    energy = {row[0]: row[1:] for row in read("energy").rows}
+    for case, row in tables.ENERGY_OF.items():
+        own = energy[f"{case}, Kapoho Bay"]
+        assert own[0] == kept.cell(row, figures=1), "python -m benchmarks energy.whole --record"
+        if cosine := energy.get(f"{case}, `cosine`"):
+            nominal = (float(one[2].split()[0].replace(",", "")) for one in (cosine, own, energy[f"{case}, no board"]))
+            assert next(nominal) < min(nominal), case
+
+
+@pytest.mark.parametrize(
+    ("queries", "percent", "shown"),
+    [
+        *((50, 47.3333, "48"), (50, 2.0, "2"), (100, 95.6667, "96"), (300, 95.2222, "95.3"), (500, 88.2667, "88.2")),
+        *((1000, 70.7333, "70.7"), (1500, 40.5333, "40.5")),
+    ],
+)
+def test_no_figure_is_finer_than_a_query(queries: int, percent: float, shown: str) -> None:
+    assert rows.rounded(percent, queries) == shown
 
 
 @pytest.mark.data

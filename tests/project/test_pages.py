@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
 import pytest
+from support.common.bench_results import bench
 
 from benchmarks import __main__ as benchmarks, figures
 from benchmarks.commands.proofs import PROOFS
 from benchmarks.figures import PageTable
+from lava_vpr.bench.show import tables as tables_of_bench
 from lava_vpr.cli import main
 from lava_vpr.config import LifNetwork, preset
 from lava_vpr.errors import InputError
@@ -55,6 +58,38 @@ def test_no_page_has_a_table_of_figures_that_no_record_holds() -> None:
     for path, text in TEXTS.items():
         rest = pages.PART.sub("", text)
         assert [line for line in rest.splitlines() if line.startswith("|") and ours.search(line)] == [], path
+
+
+def energies(columns: Iterable[str]) -> list[str]:
+    """The headings of energies among those of a table that has recall, too; without it none."""
+    columns = list(columns)
+    if not any(re.search(r"R@1|recognised|as learned|^0:500$", name) for name in columns):
+        return []
+    known = r"\b[µum]J\b|joule|energy|whole query|all but the encoding|dynamic|static"
+    return [name for name in columns if re.search(known, name) and name != "energy, uJ"]
+
+
+def led_by_the_whole(columns: Iterable[str]) -> bool:
+    """Whether energies beside recall begin with a whole query and all but its encoding, or are all a board takes."""
+    found = energies(columns)
+    board = all(name.startswith("board uJ") for name in found)
+    return board or [bool(re.search(words, name)) for words, name in zip(LEAD, found, strict=False)] == [True, True]
+
+
+LEAD = (r"\ba whole query\b", r"\ball but the encoding\b")
+
+
+def test_no_table_of_recall_shows_the_chips_dynamic_energy_without_the_whole() -> None:
+    lines = [line for text in TEXTS.values() for line in re.findall(r"^\|.*\|$", text, re.MULTILINE)]
+    headings = {line: [cell.strip() for cell in line.strip("|").split("|")] for line in lines}
+    assert sum(len(energies(columns)) > 2 for columns in headings.values()) >= 4
+    run = bench()
+    headings |= {"energy": [row[0] for row in tables_of_bench.energy(run.energy).rows]}
+    headings |= {"sweep": list(tables_of_bench.sweep(run.sweep, run.energy).columns)}
+    assert [name for name, columns in headings.items() if not led_by_the_whole(columns)] == []
+    for columns in (["R@1", "µJ"], ["as learned", "modelled uJ"], ["recognised (R@1)", "energy, modelled"]):
+        assert not led_by_the_whole(columns)
+    assert not led_by_the_whole(["R@1", "board, dynamic, modelled", "a whole query", "all but the encoding"])
 
 
 def test_a_record_is_read_as_it_was_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
