@@ -44,7 +44,7 @@ _ENERGIES: tuple[tuple[str, Callable[[AnsweringWay], Estimate | None]], ...] = (
     ("processor, encoding of the image, timed here", lambda way: way.encoding),
     ("processor, match or its part of it, timed here", lambda way: way.work),
     ("board, static while its chips work, modelled", lambda way: way.static),
-    ("board, static while they wait for host I/O, modelled", lambda way: way.io_static),
+    ("board, static while its chips wait for host I/O, modelled", lambda way: way.io_static),
     (DYNAMIC, lambda way: way.dynamic),
 )
 
