@@ -24,7 +24,7 @@ def test_recall_comes_first_and_what_is_modelled_says_so() -> None:
     order = [text.index(part) for part in parts]
     assert order == sorted(order)
     assert re.search(r"energy, uJ +┃ +Kapoho Bay ┃ +this network, no board ┃ +cosine, no network ┃", text)
-    assert re.search(r"static while its chips wait for host I/O, modelled │ +1,000 \(0 to 7,000\) │ +- │ +- │", text), text
+    assert re.search(r"its chips wait for host I/O, modelled │ +1,000 \(0 to 7,000\) │ +- │ +- │", text), text
     assert re.search(r"a whole query +│ +8,380 \([\d,]+ to [\d,]+\) │ +8,000 \(4,000 to 16,000\) │ +7,150 \(", text), (
         text
     )
