@@ -1,6 +1,6 @@
 """Made-up results of `lava-vpr bench`.
 
-Used by bench.
+Used by bench, project.
 """
 
 from __future__ import annotations
