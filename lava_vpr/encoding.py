@@ -11,7 +11,6 @@ from functools import partial
 from itertools import islice
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,15 +23,13 @@ from lava_vpr.engine.random import draws
 from lava_vpr.errors import InputError, shown
 from lava_vpr.images.sampling import Sample
 from lava_vpr.inputs.encoder import INPUTS, THUMBNAIL, EncodedTraverse, EncoderConfig, Keep
-from lava_vpr.inputs.patches import HOG_VALUES, PATCH_SIDE, hog, patch_normalised
+from lava_vpr.inputs.kernels import shared_out
+from lava_vpr.inputs.patches import HOG_VALUES, PATCH_SIDE, averaged, hog, patch_normalised
 from lava_vpr.inputs.vectors import Standard, picture_of
 from lava_vpr.inputs.views import STRAIGHT, View, seen_as
 from lava_vpr.readers import Found
 from lava_vpr.traverse import Traverse
 from lava_vpr.vectors.files import checked_vectors
-
-_BLOCK = 64
-"""Number of images whose query rates are made together."""
 
 
 def activity_of(
@@ -63,7 +60,7 @@ def activity_of(
 
 def thumbnail(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """An image (h, w) or (h, w, 3) BGR as reports show it, uint8 (48, 64, 3) BGR."""
-    small = cv2.resize(image, THUMBNAIL, interpolation=cv2.INTER_AREA)
+    small = averaged(image, *THUMBNAIL)
     return np.asarray(small if small.ndim == 3 else np.repeat(small[:, :, None], 3, axis=2), np.uint8)
 
 
@@ -264,33 +261,18 @@ def _parts(encoder: EncoderConfig) -> dict[Keep, tuple[tuple[int, ...], type, Ca
     }
 
 
-def rates16(activity: NDArray[np.float32], spikes_per_step: float) -> NDArray[np.uint16]:
+def rates16(activity: NDArray[np.float32], spikes_per_step: float, count: int = 0) -> NDArray[np.uint16]:
     """Spike probabilities that bring every image the same expected number of input spikes per step.
 
     Args:
         activity: Responses, float32 (n, inputs); an image without any response stays silent.
         spikes_per_step: Expected spikes of all inputs together in one step.
+        count: Only each image's ``count`` largest responses, and those equal to the least of them, spike; 0: all.
     Returns:
         uint16 (n, inputs) in units of 2^-16; a probability is at most 65535 / 65536.
     """
-    values = activity.astype(np.float64)
-    total = values.sum(axis=1, keepdims=True)
-    share = np.divide(values, total, out=np.zeros_like(values), where=total > 0)
-    return np.minimum(np.round(share * (spikes_per_step * 65536.0)), 65535.0).astype(np.uint16)
-
-
-def strongest(activity: NDArray[np.float32], count: int) -> NDArray[np.float32]:
-    """Each image's ``count`` largest responses and those equal to the least of them, the others 0; a count of 0: all.
-
-    Args:
-        activity: Responses, float32 (n, inputs), at least 0.
-        count: Number of responses that are kept.
-    """
-    inputs = activity.shape[1]
-    if count == 0 or count >= inputs:
-        return activity
-    least = np.partition(activity, inputs - count, axis=1)[:, inputs - count]
-    return np.where(activity >= least[:, None], activity, np.float32(0))
+    rates: NDArray[np.uint16] = shared_out(np.ascontiguousarray(activity, np.float32), count, spikes_per_step)
+    return rates
 
 
 def rates32(activity: NDArray[np.float32], max_rate_hz: float, dt_ms: float) -> NDArray[np.uint32]:
@@ -301,11 +283,7 @@ def rates32(activity: NDArray[np.float32], max_rate_hz: float, dt_ms: float) -> 
 
 def query_rates16(activity: NDArray[np.float32], encoder: EncoderConfig) -> NDArray[np.uint16]:
     """Rates of a query of the integer network (and of a reference for its response), uint16 (n, inputs)."""
-    rates = np.empty(activity.shape, np.uint16)
-    for start in range(0, len(activity), _BLOCK):  # so much stays in the processor's cache
-        block = slice(start, start + _BLOCK)
-        rates[block] = rates16(strongest(activity[block], encoder.query_inputs), encoder.query_spikes)
-    return rates
+    return rates16(activity, encoder.query_spikes, encoder.query_inputs)
 
 
 def training_rates(activity: NDArray[np.float32], config: Config) -> NDArray[np.uint16] | NDArray[np.uint32]:

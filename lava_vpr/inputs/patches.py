@@ -11,17 +11,34 @@ is tuned.
 
 from __future__ import annotations
 
+import sys
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from lava_vpr.inputs.kernels import area_means
 
 PATCH_SIDE = 28
 PATCH_WINDOW = 7
 
 
+def averaged(image: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:
+    """``image`` (h, w) or (h, w, 3) resized by OpenCV's ``INTER_AREA``, the means of areas where it becomes smaller."""
+    scales = 1.0 / (height / image.shape[0]), 1.0 / (width / image.shape[1])
+    if min(scales) < 1 or all(abs(scale - round(scale)) < sys.float_info.epsilon for scale in scales):
+        return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+    whole = np.ascontiguousarray(image).reshape(*image.shape[:2], -1)
+    means: NDArray[np.uint8] = area_means(whole, height, width)
+    return means.reshape(height, width, *image.shape[2:])
+
+
 def grey(image: NDArray[np.uint8], side: int, interpolation: int) -> NDArray[np.uint8]:
     """``image`` (h, w) or (h, w, 3) BGR resized to (side, side) in colour, then turned grey, uint8."""
-    small = cv2.resize(image, (side, side), interpolation=interpolation)
+    if interpolation == cv2.INTER_AREA:
+        small = averaged(image, side, side)
+    else:
+        small = cv2.resize(image, (side, side), interpolation=interpolation)
     return small if small.ndim == 2 else cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
 
 

@@ -17,14 +17,13 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.compression import requantised
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.mapping.limits import DEVIATIONS
-from lava_vpr.encoding import query_rates, rates16, strongest
+from lava_vpr.encoding import query_rates, rates16
 from lava_vpr.engine.inference.quantise import distinctive, pruned, unit_norm
 from lava_vpr.errors import ConfigError
 from lava_vpr.loihi import HOST_SPIKES
 from lava_vpr.model import Model
 from lava_vpr.training.loop import train
 
-RESPONSES = arrays(np.float32, (3, 12), elements=st.floats(0, 4, width=32))
 WEIGHTS = arrays(np.float32, (12, 4), elements=st.floats(0, 2, width=32))
 
 
@@ -38,22 +37,24 @@ def test_what_is_not_asked_for_changes_nothing() -> None:
     rng = np.random.default_rng(0)
     activity, learned = rng.random((4, 2048)).astype(np.float32), rng.random((60, 5)).astype(np.float32)
     config = preset("loihi")
-    assert np.array_equal(
-        query_rates(activity, config), rates16(strongest(activity, config.encoder.query_inputs), 20.0)
-    )
+    assert np.array_equal(query_rates(activity, config), rates16(activity, 20.0, config.encoder.query_inputs))
     assert np.array_equal(distinctive(learned, LifNetwork(signed=False)), unit_norm(learned))
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)
-@given(RESPONSES, st.integers(0, 14))
-def test_the_strongest_inputs_stay(activity: np.ndarray, count: int) -> None:
-    result = strongest(activity, count)
-    if count in (0, 12, 13, 14):
-        assert np.array_equal(result, activity)
-        return
-    for row, kept in zip(activity, result, strict=True):
-        least = sorted(row.tolist(), reverse=True)[count - 1]
-        assert kept.tolist() == [value if value >= least else 0.0 for value in row.tolist()]
+@given(st.integers(0, 10_000), st.sampled_from([1, 7, 12, 300, 2048, 9000]), st.integers(0, 14), st.booleans())
+def test_rates_equal_the_literal_version(seed: int, inputs: int, count: int, alike: bool) -> None:
+    activity = np.random.default_rng(seed).random((3, inputs)).astype(np.float32) * 4
+    activity = np.round(activity) if alike else activity
+    activity[2] = 0
+    kept = activity
+    if 0 < count < inputs:
+        least = np.sort(activity, axis=1)[:, -count, None]
+        kept = np.where(activity >= least, activity, np.float32(0))
+    total = kept.sum(axis=1, keepdims=True, dtype=np.float64)
+    share = np.divide(kept, total, out=np.zeros(kept.shape), where=total > 0)
+    literal = np.minimum(np.round(share * (14.0 * 65536.0)), 65535.0).astype(np.uint16)
+    assert np.array_equal(rates16(activity, 14.0, count), literal)
 
 
 def test_a_query_brings_as_many_spikes_from_fewer_inputs() -> None:
