@@ -101,7 +101,10 @@ def _products(spikes: Counts, table: Table) -> Scores:
 
 def _product(spikes: Scores, table: Table, out: Scores) -> None:
     """``spikes @ table`` into ``out``. Of whole numbers sums are exact in any order: both kinds give the same bits."""
-    if isinstance(table, np.ndarray):
+    if isinstance(table, np.ndarray) and len(spikes) == 1:  # a robot's: for one row all threads of BLAS would wake
+        active = np.flatnonzero(spikes[0])
+        np.einsum("i,il->l", spikes[0, active], table[active], out=out[0])
+    elif isinstance(table, np.ndarray):
         np.matmul(spikes, table, out=out)
     else:
         out[:] = (table.T @ spikes.T).T

@@ -244,6 +244,11 @@ class FixedNetwork:
         return Prepared(laid_out(self.weights), np.count_nonzero(self.weights, axis=1).astype(np.int64), numbers)
 
     @cached_property
+    def span(self) -> tuple[int, int]:
+        """The least weight and the largest, or 0 where that is above the one or below the other."""
+        return int(self.weights.min(initial=0)), int(self.weights.max(initial=0))
+
+    @cached_property
     def sums(self) -> tuple[int, int]:
         """The largest sum of one neuron's positive weights, and of the magnitudes of its negative ones."""
         up = np.maximum(self.weights, 0).sum(axis=0, dtype=np.int64).max(initial=0)
@@ -282,8 +287,8 @@ class FixedNetwork:
         Raises:
             NetworkLimitError: naming need, limit and remedy.
         """
-        most, least = WEIGHT_BITS - self.signed, int(self.weights.min(initial=0))
-        need = max(int(self.weights.max(initial=0)), -least)
+        most, (least, largest) = WEIGHT_BITS - self.signed, self.span
+        need = max(largest, -least)
         if not 1 <= self.bits <= most or need >= 1 << self.bits:
             raise NetworkLimitError(f"weights need {self.bits} bits to hold {need}; use 1 to {most} bits")
         if not self.signed and least < 0:
