@@ -172,9 +172,18 @@ def _out_of_memory(said: str) -> str:
 
 
 class _Notes(logging.Handler):
-    """Prints what the library notes on stderr, each on one line."""
+    """Prints what the library notes on stderr, each on one line; of a ``sort`` that many files may give, the first."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._told: set[str] = set()
 
     def emit(self, record: logging.LogRecord) -> None:
+        sort = getattr(record, "sort", None)
+        if sort in self._told:
+            return
+        if sort is not None:
+            self._told.add(sort)
         with suppress(OSError):  # where notes cannot be written, work goes on
             click.echo(f"note: {_one_line(record.getMessage())}", err=True)
 

@@ -8,7 +8,6 @@ Members of an archive are read block by block, packed or not, so that none is in
 from __future__ import annotations
 
 import contextlib
-import warnings
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
@@ -18,7 +17,6 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
-from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError, brief, shown
@@ -33,7 +31,14 @@ from lava_vpr.events.stream import (
     in_blocks,
     in_tables,
 )
-from lava_vpr.storage.arrays import ARCHIVE_ERRORS, entries_of
+from lava_vpr.storage.arrays import (
+    ARCHIVE_ERRORS,
+    NPY_BEGIN,
+    ArrayHeader,
+    array_header,
+    entries_of,
+    header_length,
+)
 from lava_vpr.storage.limits import limit, within
 from lava_vpr.storage.reading import open_regular
 
@@ -234,32 +239,30 @@ def npz(path: Path) -> Iterator[Holder]:
     except ARCHIVE_ERRORS as error:
         why = shown(" ".join(str(error).split())[:160])
         raise InputError(f"{shown(path)}: is damaged, cut short or no .npz file ({why}); copy it again") from None
-    except MemoryError:  # of a header that is nested too deeply, too
-        raise InputError(f"{shown(path)}: cannot be unpacked (MemoryError); {_SAVE_IT}") from None
 
 
 def _members(archive: zipfile.ZipFile) -> dict[str, _Member]:
     """The one-dimensional arrays of plain numbers, and tables of such, by their names."""
     found = {}
-    for name in [entry.filename for entry in entries_of(archive) if entry.filename.endswith(".npy")]:
-        with archive.open(name) as stream:
-            shape, dtype = _header(stream)
-        if len(shape) == 1 and not dtype.hasobject:
-            found[name[: -len(".npy")]] = _Member(name, dtype, shape[0])
+    for entry in entries_of(archive):
+        name, suffix = entry.filename[:-4], entry.filename[-4:]
+        if suffix != ".npy":
+            continue
+        with archive.open(entry) as stream:
+            length, header = _header(stream)
+        if len(header.shape) == 1 and header.dtype is not None:
+            member = _Member(entry.filename, header.dtype, header.shape[0])
+            if entry.file_size != length + member.length * member.dtype.itemsize:
+                raise ValueError(f"{name} is not as long as its header says")
+            found[name] = member
     return found
 
 
-def _header(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Shape and type of the array that begins here; no object is made of what it says."""
-    version = npy.read_magic(stream)
-    if version != (1, 0):  # the next has headers of up to 4 GiB
-        raise ValueError(f"version {version} of .npy")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # that NumPy under Python 2 wrote it, or that it is damaged so
-        shape, _, dtype = npy.read_array_header_1_0(stream)
-    if any(length < 0 for length in shape):
-        raise ValueError(f"shape {shape}")
-    return shape, dtype
+def _header(stream: Any) -> tuple[int, ArrayHeader]:
+    """The header of the array that begins here, and its length; no object is made of what it says."""
+    begin = stream.read(NPY_BEGIN)
+    length = header_length(begin)
+    return length, array_header(begin + stream.read(length - len(begin)))
 
 
 def _size_npz(

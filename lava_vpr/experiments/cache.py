@@ -120,6 +120,11 @@ def content_key(function: Callable[..., Any], decides: Any, *inputs: bytes) -> s
     return digest.hexdigest()
 
 
+def _digest(key: str, figures: Any) -> str:
+    """A checksum of figures and of what they are of."""
+    return hashlib.sha256(json.dumps([key, figures], sort_keys=True).encode()).hexdigest()
+
+
 class Cache(Protocol[P, R]):
     """Where the figures of points are kept."""
 
@@ -141,13 +146,14 @@ class FigureCache(Generic[T, R]):
         folder: The folder, made when the first figures are kept.
         name: The name of a task's file, without its ending.
         key: The key of a task's figures (`content_key`), asked for before they are computed.
-        figures: Makes figures of the JSON values in a file; ValueError, TypeError or KeyError if they are none.
+        figures: Makes the figures of a task of the JSON values in a file; ValueError, TypeError or KeyError if they are
+            none.
     """
 
     folder: Path
     name: Callable[[T], str]
     key: Callable[[T], str]
-    figures: Callable[[Any], R]
+    figures: Callable[[T, Any], R]
 
     def file(self, task: T) -> Path:
         """Where the figures of a task are kept."""
@@ -156,14 +162,15 @@ class FigureCache(Generic[T, R]):
     def find(self, task: T, key: str) -> R | None:
         """The figures of a task that are kept under ``key``; None if there are none, or they cannot be read.
 
-        Nothing in a file is trusted but figures of the form that is written.
+        Nothing in a file is trusted but figures of the form that is written, with their checksum.
         """
         path = self.file(task)
         if not path.is_file():
             return None
         try:
             values = parse_json(read_bytes(path, "text_bytes"))
-            return self.figures(values["figures"]) if values["fingerprint"] == key else None
+            sound = (values["fingerprint"], values["sha256"]) == (key, _digest(key, values["figures"]))
+            return self.figures(task, values["figures"]) if sound else None
         except (OSError, ValueError, TypeError, KeyError, AttributeError):
             return None
 
@@ -174,7 +181,7 @@ class FigureCache(Generic[T, R]):
             InputError: the folder or file cannot be written.
         """
         path = self.file(task)
-        text = json.dumps({"fingerprint": key, "figures": figures}) + "\n"
+        text = json.dumps({"fingerprint": key, "sha256": _digest(key, figures), "figures": figures}) + "\n"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_atomically(path, lambda file: file.write(text.encode()))

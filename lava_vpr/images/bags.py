@@ -76,10 +76,10 @@ def bag_samples(path: Path, topic: str | None) -> Iterator[Sample]:
 
 def _pixels(message: Any, named: str) -> NDArray[np.uint8]:
     """The image of a message; ``named`` is what an error begins with."""
+    if not hasattr(message, "encoding"):
+        return decode_image(bytes(message.data), named)
     try:
-        if hasattr(message, "encoding"):
-            return _unpacked(message)
-        return decode_image(bytes(message.data))
+        return _unpacked(message)
     except InputError as error:
         raise InputError(f"{named}: {error}") from None
 

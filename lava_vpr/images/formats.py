@@ -73,6 +73,8 @@ class Header:
         exif: Its EXIF block (TIFF structure), or empty.
         shortened: If the file ends in zeros: bytes that can be decoded only if these zeros were not needed, that is,
             stand where a picture was; else empty.
+        pictures: Whether it holds others beside the first, pages or frames.
+        zeros: Rows of nothing but 0 at the end of the picture's data, where these are not compressed.
     """
 
     width: int
@@ -80,6 +82,13 @@ class Header:
     data: bytes
     exif: bytes = b""
     shortened: bytes = b""
+    pictures: bool = False
+    zeros: int = 0
+
+
+def _zeros_at_end(data: bytes) -> int:
+    """Bytes at the end of ``data`` that are 0."""
+    return len(data) - len(data.rstrip(b"\0"))
 
 
 def _walk_jpeg(data: bytes, file: Window) -> Header:
@@ -117,7 +126,7 @@ def _png_chunk(file: Window, position: int, end: int) -> Part:
 
 def _walk_png(data: bytes, file: Window) -> Header:
     """A PNG; all chunks up to IEND must be there, and the critical ones intact."""
-    exif, texts = b"", [(0, 0)]
+    exif, texts, pictures = b"", [(0, 0)], False
     width, height = file.numbers(">II", 16)
     for kind, start, end in file.walk(8, file.size, _png_chunk):
         if (kind == b"IHDR") != (start == 16):
@@ -127,19 +136,22 @@ def _walk_png(data: bytes, file: Window) -> Header:
             raise DamagedError(f"the checksum of its {kind.decode('latin-1')!r} chunk is wrong")
         if kind == b"eXIf":
             exif = data[start : end - 4]
+        pictures |= kind == b"acTL" and file.numbers(">I", start)[0] > 1
         if kind in _PNG_TEXTS:
             texts.append((start - 8, end))
         if kind == b"IEND":
             starts = [*(start for start, _ in texts[1:]), len(data)]
             pieces = [data[last:start] for (_, last), start in zip(texts, starts, strict=True)]
-            return Header(width, height, b"".join(pieces) if len(pieces) > 1 else data, exif)
+            rest = b"".join(pieces) if len(pieces) > 1 else data
+            return Header(width, height, rest, exif, pictures=pictures)
     raise DamagedError("it ends before its IEND chunk")
 
 
 def _walk_webp(data: bytes, file: Window) -> Header:
     """A WebP; the chunks must fill the length that its RIFF header says."""
-    exif, width, height, shortened = b"", 0, 0, b""
+    exif, width, height, shortened, frames = b"", 0, 0, b"", 0
     for kind, start, end in file.walk(12, file.reach(8 + file.numbers("<I", 4)[0]), riff_chunk, align=2):
+        frames += kind == b"ANMF"
         if kind == b"EXIF":
             exif = data[start:end].removeprefix(b"Exif\0\0")
         elif kind in (b"VP8 ", b"VP8L", b"VP8X"):
@@ -150,7 +162,7 @@ def _walk_webp(data: bytes, file: Window) -> Header:
                 rest = data[start : end - zeros]
                 parted = kind + struct.pack("<I", len(rest)) + rest + bytes(len(rest) % 2)
                 shortened = b"RIFF" + struct.pack("<I", 4 + len(parted)) + b"WEBP" + parted
-    return Header(width, height, data, exif, shortened)
+    return Header(width, height, data, exif, shortened, frames > 1)
 
 
 def _webp_size(kind: bytes, file: Window, start: int) -> tuple[int, int]:
@@ -167,19 +179,21 @@ def _webp_size(kind: bytes, file: Window, start: int) -> tuple[int, int]:
 def _walk_bmp(data: bytes, file: Window) -> Header:
     """A BMP; an uncompressed one must have all its rows, a run-length coded one its end."""
     offset, header = file.numbers("<II", 10)
-    compression = length = 0
+    compression = length = zeros = 0
     if header < 40:
         width, height, _, depth = file.numbers("<HHHH", 18)
     else:
         width, height, _, depth, compression, length = file.numbers("<iiHHII", 18)
     if compression in (0, 3):
-        file.reach(offset + (abs(width) * depth + 31) // 32 * 4 * abs(height))
+        row = (abs(width) * depth + 31) // 32 * 4
+        end = file.reach(offset + row * abs(height))
+        zeros = _zeros_at_end(data[offset:end]) // max(1, row)
     if compression in (1, 2):
         file.reach(offset + length)
-        end = data[offset : offset + length if length else None].rstrip(b"\0")
-        if not end.endswith(b"\0\1"):
+        runs = data[offset : offset + length if length else None].rstrip(b"\0")
+        if not runs.endswith(b"\0\1"):
             raise DamagedError("it lacks the end of its runs")
-    return Header(abs(width), abs(height), data)
+    return Header(abs(width), abs(height), data, zeros=zeros)
 
 
 def _walk_tiff(data: bytes, file: Window) -> Header:
@@ -189,7 +203,7 @@ def _walk_tiff(data: bytes, file: Window) -> Header:
         DamagedError: part of the file is missing.
         InputError: its samples are no unsigned numbers of up to 16 bits.
     """
-    tags = dict(_entries(file, _ASKED))
+    tags, zeros = dict(_entries(file, _ASKED)), 0
     width, height = _first(tags, _WIDTH), _first(tags, _HEIGHT)
     bits, form, samples = max(tags.get(_BITS) or (1,)), _first(tags, _FORMAT, 1), _first(tags, _SAMPLES, 1)
     if form in _FORMATS and (bits > 16 or form > 1):
@@ -203,10 +217,24 @@ def _walk_tiff(data: bytes, file: Window) -> Header:
                 raise DamagedError(f"it has {len(data):,} of {start + length:,} bytes")
             if _first(tags, _COMPRESSION, 1) in _ENDED and data[start : start + length].endswith(bytes(_ZEROS)):
                 raise DamagedError("zeros stand where a picture was")
+            if _first(tags, _COMPRESSION, 1) == 1:
+                found = _zeros_at_end(data[start : start + length])
+                zeros = found + zeros * (found == length)
     tile_width, tile_height = _first(tags, _TILE_WIDTH), _first(tags, _TILE_HEIGHT)
     if tile_width * tile_height > width * height:
         width, height = tile_width, tile_height
-    return Header(width, height, data)  # its decoder turns the picture
+    zeros //= max(1, width * bits * samples // 8)
+    return Header(width, height, data, pictures=_has_next(file), zeros=zeros)  # its decoder turns the picture
+
+
+def _has_next(file: Window) -> bool:
+    """Whether a TIFF has a directory after its first."""
+    order, big = "<" if file.at(0, 2) == b"II" else ">", file.at(2, 2) in (b"+\0", b"\0+")
+    count, offset, size, start = ("Q", "Q", 20, 8) if big else ("H", "I", 12, 4)
+    (first,) = file.numbers(order + offset, start)
+    (entries,) = file.numbers(order + count, first)
+    (following,) = file.numbers(order + offset, first + struct.calcsize(order + count) + entries * size)
+    return bool(following)
 
 
 def _first(tags: dict[int, tuple[int, ...]], tag: int, otherwise: int = 0) -> int:

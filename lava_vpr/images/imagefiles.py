@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import os
 import re
 import tempfile
@@ -27,7 +28,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError, shown
 from lava_vpr.images.files import IMAGE_SUFFIXES, natural_key
-from lava_vpr.images.formats import orientation_of, walk
+from lava_vpr.images.formats import Header, orientation_of, walk
 from lava_vpr.images.windows import DamagedError
 from lava_vpr.storage.reading import read_bytes
 
@@ -80,13 +81,25 @@ _AS_STORED = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIEN
 _CODEC_DAMAGE = re.compile(rb"premature end|bad Huffman", re.IGNORECASE)
 
 
-def decode_image(data: bytes) -> NDArray[np.uint8]:
+def decode_image(data: bytes, where: str) -> NDArray[np.uint8]:
     """The bytes of an image file as uint8, (h, w, 3) BGR, or (h, w) for a grey file; see the module for the rules.
 
+    What it holds that is not read, or looks wrong, is logged.
+
+    Args:
+        data: The bytes.
+        where: What a message begins with.
     Raises:
-        InputError: what is wrong with them, or what they cost beyond a limit; without the file's name, which
-            `read_image` puts in front.
+        InputError: what is wrong with them, or what they cost beyond a limit.
     """
+    try:
+        return _decoded_image(data, where)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def _decoded_image(data: bytes, where: str) -> NDArray[np.uint8]:
+    """As `decode_image`; errors lack what a message begins with."""
     if not data:
         raise InputError("is empty (0 bytes); copy it again or remove it")
     try:
@@ -102,6 +115,7 @@ def decode_image(data: bytes) -> NDArray[np.uint8]:
         raise InputError(f"is damaged or cut short ({error}); copy it again or remove it") from None
     if min(image.shape[:2]) < MIN_SIDE:
         raise InputError(f"has {image.shape[1]} x {image.shape[0]} pixels, needs at least {MIN_SIDE} x {MIN_SIDE}")
+    _note(header, image, where)
     if image.dtype == np.uint16:
         image = _narrowed(image)
     if image.dtype != np.uint8 or not (image.ndim == 2 or image.shape[2] == 3):
@@ -119,10 +133,32 @@ def read_image(path: Path) -> NDArray[np.uint8]:
         data = read_bytes(path, "image_bytes")
     except OSError as error:
         raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check path and permissions") from None
-    try:
-        return decode_image(data)
-    except InputError as error:
-        raise InputError(f"{shown(path)}: {error}") from None
+    return decode_image(data, shown(path))
+
+
+_NOTES = logging.getLogger("lava_vpr")
+_FEW_BITS = 12
+"""Bits of 16 that the cameras fill whose pictures would come out nearly black."""
+
+
+def _note(header: Header, image: NDArray[Any], where: str) -> None:
+    """Log what is read of a picture in another way than its user may think; commands show the first of each sort."""
+    bits = int(image.max()).bit_length() if image.dtype == np.uint16 else 0
+    for sort, there, said in (
+        ("pictures", header.pictures, "holds several pictures (pages or frames), of which the first is read"),
+        (
+            "bits",
+            0 < bits <= _FEW_BITS,
+            f"its values fill only {bits} of 16 bits and are read as nearly black; multiply them by {1 << 16 - bits}",
+        ),
+        (
+            "zeros",
+            0 < header.zeros < image.shape[0],
+            f"the last {header.zeros} rows of pixels in the file are 0; if they should not be, copy it again",
+        ),
+    ):
+        if there:
+            _NOTES.info(f"{where}: {said}", extra={"sort": sort})
 
 
 def _decoded(data: bytes) -> tuple[NDArray[Any] | None, list[bytes]]:

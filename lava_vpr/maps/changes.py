@@ -6,6 +6,7 @@ done.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -27,6 +28,8 @@ from lava_vpr.training.measuring import references_of
 from lava_vpr.training.preparing import check_encoded_references
 from lava_vpr.training.stretches import Progress, learn, trainers_of
 from lava_vpr.traverse import ranges_of
+
+_NOTES = logging.getLogger("lava_vpr")
 
 
 def extend(
@@ -210,9 +213,24 @@ def join(parts: Sequence[MapPart], config: Config, pool: Pool, same_traverse: bo
                     stretches.append(replace(stretch, first_place=place + stretch.first_place, first_neuron=neuron))
                     neuron += stretch.neurons
             place += len(part.route.references[0])
+    _note_alike(parts)
     weights = np.ascontiguousarray(np.concatenate(learned, axis=1))
     route = _one_route([part.route for part in parts], same_traverse)
     return integer_model(joined(weights, config, tuple(stretches), route, pool), "joining")
+
+
+def _note_alike(parts: Sequence[MapPart]) -> None:
+    """Warn of places whose image is, as the network sees it, that of a place of a part before theirs."""
+    seen = set[bytes]()
+    for part in parts:
+        rows = [row.tobytes() if row.any() else b"" for row in part.route.references[0].activity]
+        same = sum(row in seen for row in rows if row)
+        if same:
+            _NOTES.warning(
+                f"{same} of the {len(rows)} places added look the same as places before them; if it is the same drive, "
+                "leave them out"
+            )
+        seen.update(rows)
 
 
 def _one_route(routes: Sequence[LearnedRoute], same_traverse: bool) -> LearnedRoute:

@@ -110,16 +110,17 @@ def kept_in(folder: Path) -> FigureCache[SectionTask, Figures]:
     return FigureCache(folder, name, key, _figures)
 
 
-def _figures(values: Any) -> Figures:
-    """Figures as they were kept.
+def _figures(task: SectionTask, values: Any) -> Figures:
+    """The figures of a task as they were kept: numbers, of all methods of its network and of no others.
 
     Raises:
         ValueError, TypeError, KeyError, AttributeError: they are none.
     """
-    found = {str(name): {key: float(row[key]) for key in FIGURES} for name, row in values.items()}
-    if not all(0.0 <= value <= 1.0 for row in found.values() for value in row.values()):
+    found = {method.name: {key: values[method.name][key] for key in FIGURES} for method in of_network(task.network)}
+    numbers = [value for row in found.values() for value in row.values()]
+    if found != values or not all(type(number) in (int, float) and 0 <= number <= 1 for number in numbers):
         raise ValueError("no figures")
-    return found
+    return {name: {key: float(value) for key, value in row.items()} for name, row in found.items()}
 
 
 def read(task: SectionTask) -> SectionTask:

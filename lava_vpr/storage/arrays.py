@@ -14,17 +14,18 @@ An entry takes the memory of its numbers once, and never more than the directory
 
 from __future__ import annotations
 
+import logging
 import math
 import re
 import struct
-import tokenize
 import zipfile
 import zlib
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.lib import format as npy
 from numpy.typing import DTypeLike, NDArray
 
 from lava_vpr.errors import InputError, brief, shown
@@ -107,16 +108,82 @@ def _check_array(array: NDArray[Any], name: str, rule: ArrayRule) -> None:
         raise UnfitError(f"{name} with values from {least:g} to {most:g}, which must be in {rule.least}..{rule.most:g}")
 
 
+_NOTES = logging.getLogger("lava_vpr")
 _MAGIC = b"\x93NUMPY\x01\x00"
-_BEGIN = len(_MAGIC) + 2
+NPY_BEGIN = len(_MAGIC) + 2
+"""Bytes of a ``.npy`` file that tell how long its header is."""
+_NO_ARRAY = "is no array of numbers (it does not begin as numpy.save would write it)"
 _HEADER = re.compile(
-    rb"\{ ?'descr': ?'([^']{1,8})', ?'fortran_order': ?(True|False), ?'shape': ?\(([0-9, ]{0,120})\),? ?\} *\n?"
+    rb"\{ ?'descr': ?(?:'([^']{1,8})'|\[([^\[\]{}]{1,8000})\]), ?'fortran_order': ?(True|False), "
+    rb"?'shape': ?\(([0-9, ]{0,120})\),? ?\} *\n?"
 )
-_TYPE = re.compile(r"[<|][biufcmMSUV]\d{1,4}")
+_TYPE = re.compile(r"[<>|][biufcmMSUV]\d{1,4}")
+_FIELD = re.compile(rf"\('([^'\\]{{0,64}})', '({_TYPE.pattern})'(?:, \((\d{{1,4}}),\))?\)(?:, |$)")
+"""A field of a table of numbers: name, type, and how many of it there are in a row if more than one."""
 _MOST_AXES, _LONGEST_AXIS = 32, 10**12
 
 Shape = tuple[int | str, ...]
 """The length of each axis, or what it counts if any will do."""
+
+
+class ArrayHeader(NamedTuple):
+    """What a ``.npy`` file says of its array.
+
+    Attributes:
+        kind: The type, as NumPy writes it; of a table, whose rows have fields, those.
+        shape: The length of each axis.
+        order: C or F.
+    """
+
+    kind: str | list[tuple[str, str] | tuple[str, str, int]]
+    shape: tuple[int, ...]
+    order: Literal["C", "F"]
+
+    @property
+    def dtype(self) -> np.dtype[Any] | None:
+        """The type, of a table, too; None: one that is no number or text of fixed length."""
+        if isinstance(self.kind, str) and not _TYPE.fullmatch(self.kind):
+            return None
+        try:
+            return npy.descr_to_dtype(self.kind)
+        except (TypeError, ValueError):  # numbers of seven bytes, a field twice
+            return None
+
+
+def header_length(begin: bytes | memoryview) -> int:
+    """Bytes before the numbers of a ``.npy`` file, of which `NPY_BEGIN` are given.
+
+    Raises:
+        ValueError: it does not begin as one.
+    """
+    if bytes(begin[: len(_MAGIC)]) != _MAGIC:
+        raise ValueError(_NO_ARRAY)
+    return NPY_BEGIN + int.from_bytes(begin[len(_MAGIC) : NPY_BEGIN], "little")
+
+
+def array_header(head: bytes | memoryview) -> ArrayHeader:
+    """What is said in the ``head`` of a ``.npy`` file, all that stands before the numbers.
+
+    Raises:
+        ValueError: no array that `numpy.save` would write.
+    """
+    found = _HEADER.fullmatch(head[NPY_BEGIN:])
+    if found is None:
+        raise ValueError(_NO_ARRAY)
+    sizes = tuple(int(size) for size in found[4].split(b",") if size.strip())
+    if len(sizes) > _MOST_AXES or max(sizes, default=0) > _LONGEST_AXIS:
+        raise ValueError(f"is no array of numbers (its header says {brief(sizes)})")
+    order: Literal["C", "F"] = "F" if found[3] == b"True" else "C"
+    if found[1] is not None:
+        return ArrayHeader(found[1].decode("latin-1"), sizes, order)
+    text, fields, at = found[2].decode("latin-1"), [], 0
+    while at < len(text):
+        field = _FIELD.match(text, at)
+        if field is None:
+            raise ValueError(_NO_ARRAY)
+        fields.append((field[1], field[2]) if field[3] is None else (field[1], field[2], int(field[3])))
+        at = field.end()
+    return ArrayHeader(fields, sizes, order)
 
 
 def array_of(
@@ -132,17 +199,10 @@ def array_of(
     Raises:
         ValueError: there is none, or one of another type or shape; fit for a message, as in "FILE: is ...".
     """
-    end = _BEGIN + int.from_bytes(data[len(_MAGIC) : _BEGIN], "little")
-    header = _HEADER.fullmatch(data[_BEGIN:end])
-    if bytes(data[: len(_MAGIC)]) != _MAGIC or header is None:
-        raise ValueError("is no array of numbers (it does not begin as numpy.save would write it)")
-    found = _type(header[1].decode("latin-1"), "biufU" if texts else "biuf")
-    sizes = tuple(int(size) for size in header[3].split(b",") if size.strip())
-    if (
-        len(sizes) > _MOST_AXES
-        or max(sizes, default=0) > _LONGEST_AXIS
-        or len(data) - end != math.prod(sizes) * found.itemsize
-    ):
+    end = header_length(data[:NPY_BEGIN])
+    header = array_header(data[:end])
+    found, sizes = _type(header, "biufU" if texts else "biuf"), header.shape
+    if len(data) - end != math.prod(sizes) * found.itemsize:
         raise ValueError(
             f"is no array of numbers (its header says {found} {sizes}, but {len(data) - end:,} bytes follow)"
         )
@@ -154,21 +214,32 @@ def array_of(
         wanted = "an array" if kind is None else str(np.dtype(kind))
         named = "" if shape is None else f" ({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
         raise ValueError(f"is {found} {sizes}, but must be {wanted}{named}")
-    array = np.frombuffer(data, found, offset=end).reshape(sizes, order="F" if header[2] == b"True" else "C")
+    array = np.frombuffer(data, found, offset=end).reshape(sizes, order=header.order)
     return array if array.flags.aligned else array.copy()
 
 
-def _type(code: str, kinds: str) -> np.dtype[Any]:
-    """The type that a header's ``code`` stands for, if it is of one of ``kinds``, as NumPy calls them."""
-    if code == "|O":
+def _type(header: ArrayHeader, kinds: str) -> np.dtype[Any]:
+    """The type of an array, if it is of one of ``kinds``, as NumPy calls them, and in our order of bytes."""
+    if header.kind == "|O":
         raise ValueError("is no array of numbers (but of pickled objects)")
-    try:
-        found = np.dtype(code) if _TYPE.fullmatch(code) else None
-    except TypeError:  # numbers of seven bytes
-        found = None
-    if found is None or found.kind not in kinds:
-        raise ValueError(f"is no array of numbers (but of {brief(code)}; whole, real and truth values are read)")
+    found = header.dtype
+    if found is None or found.kind not in kinds or not found.isnative:
+        raise ValueError(f"is no array of numbers (but of {brief(header.kind)}; whole, real and truth values are read)")
     return found
+
+
+def note_zeros(array: NDArray[Any], where: str) -> None:
+    """Warn of an ``array`` (rows, ...) of a file whose end holds nothing but zeros: as if the file had been cut.
+
+    One last number that is 0 is nothing strange.
+    """
+    if array.size == 0 or array.ndim == 0 or array[-1].any():
+        return
+    rows = np.flatnonzero(array.reshape(len(array), -1).any(axis=1))
+    zeros = len(array) - (int(rows[-1]) + 1 if len(rows) else 0)
+    if zeros > (array.ndim == 1):
+        what = "rows are" if zeros > 1 else "row is"
+        _NOTES.warning(f"{where}: the last {zeros} {what} 0; if they should not be, write the file again")
 
 
 def read_array(path: Path, remedy: str) -> NDArray[Any]:
@@ -193,7 +264,6 @@ _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 ARCHIVE_ERRORS = (
     zipfile.BadZipFile,
     zlib.error,
-    tokenize.TokenError,
     struct.error,
     ValueError,
     KeyError,
@@ -201,7 +271,6 @@ ARCHIVE_ERRORS = (
     OverflowError,
     NotImplementedError,
     RuntimeError,
-    SyntaxError,
     TypeError,
 )
 """What zipfile and NumPy raise of a damaged archive of arrays, beside `OSError`."""
@@ -214,15 +283,19 @@ class ArchiveLimitError(Exception):
 
 
 def entries_of(archive: zipfile.ZipFile, most: int = _MOST_ENTRIES) -> list[zipfile.ZipInfo]:
-    """The entries of an archive, each packed as `numpy.savez` does.
+    """The entries of an archive, each packed as `numpy.savez` does and named once.
 
     Raises:
         ValueError: one is not, or there are more than ``most``.
     """
-    entries = archive.infolist()
+    entries, seen = archive.infolist(), set()
     if len(entries) > most:
         raise ValueError(f"it has {len(entries):,} entries, more than {most:,}")
     for entry in entries:
+        name = entry.filename.removesuffix(".npy")
+        if name in seen:
+            raise ValueError(f"it has a second entry {brief(entry.filename)}")
+        seen.add(name)
         if entry.flag_bits & 0x1 or entry.compress_type not in _METHODS:
             raise ValueError(f"entry {brief(entry.filename)} is encrypted, or packed otherwise than numpy.savez does")
     return entries

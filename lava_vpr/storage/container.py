@@ -163,12 +163,10 @@ def _check_entries(entries: list[zipfile.ZipInfo], packed: int) -> None:
         entries: The directory.
         packed: Bytes of the whole file.
     """
-    seen = set()
     for entry in entries:
         name = entry.orig_filename
-        if not _ENTRY.fullmatch(name) or name in seen:
-            raise ValueError(f"{'a second' if name in seen else 'an unknown'} entry {name[:60]!r}")
-        seen.add(name)
+        if not _ENTRY.fullmatch(name):
+            raise ValueError(f"an unknown entry {name[:60]!r}")
         beyond = excess("header_bytes", entry.file_size) if name == "header.npy" else None
         if beyond is not None:
             raise ArchiveLimitError(f"has a header of {beyond}")

@@ -19,7 +19,7 @@ from lava_vpr.matching.evaluation import truth_from_indices, truth_from_position
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import Positions, distances
 from lava_vpr.positions.track import read_track, rows_of
-from lava_vpr.storage.arrays import read_array
+from lava_vpr.storage.arrays import note_zeros, read_array
 from lava_vpr.storage.reading import parse_json
 from lava_vpr.storage.tables import file_text, text_lines
 from lava_vpr.traverse import Traverse
@@ -319,6 +319,7 @@ def _array_entries(path: Path, query_indices: NDArray[np.int64], place_indices: 
     """Queries and their places, from a NumPy file of any of the three shapes."""
     wants = "integers (n,), rows of query and place (n, 2), or booleans (queries, places)"
     array = read_array(path, f"save {wants}")
+    note_zeros(array, shown(path))
     whole = array.dtype.kind in "iu"
     if array.ndim == 1 and whole:
         queries = _row_queries(path, len(array), query_indices).tolist()

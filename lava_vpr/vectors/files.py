@@ -24,6 +24,7 @@ from lava_vpr.storage.arrays import (
     array_of,
     check_budget,
     entries_of,
+    note_zeros,
     read_array,
     unpacked,
 )
@@ -120,6 +121,7 @@ def load_descriptors(path: Path, n_images: int | None = None) -> NDArray[Any]:
     """
     remedy = "write it with numpy.save, one row of floats for each image"
     array = checked_vectors(read_array(path, remedy), shown(path), remedy)
+    note_zeros(array, shown(path))
     if n_images is not None and len(array) != n_images:
         raise InputError(
             f"{shown(path)}: has {len(array)} rows for {n_images} images; give one row for each image, in their order"
@@ -235,6 +237,7 @@ def read_vectors(path: Path) -> Vectors:
     """
     stored = READERS[path.suffix.lower()](path)
     array = checked_vectors(stored.array, shown(path))
+    note_zeros(array, shown(path))
     n = len(array)
     return Vectors(
         array,

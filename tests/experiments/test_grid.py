@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from functools import partial
 from pathlib import Path
@@ -33,7 +34,7 @@ def test_figures_stand_in_the_order_of_the_points(jobs: int) -> None:
 
 
 def test_what_is_kept_is_not_computed_again(tmp_path: Path) -> None:
-    kept: FigureCache[int, int] = FigureCache(tmp_path, str, "key of {}".format, int)
+    kept: FigureCache[int, int] = FigureCache(tmp_path, str, "key of {}".format, lambda _, value: int(value))
     told: list[tuple[int, str]] = []
 
     def advance(done: int, note: str) -> None:
@@ -116,10 +117,15 @@ def test_a_key_is_of_settings_and_inputs() -> None:
 
 def test_what_is_kept_is_found_under_its_key_alone(tmp_path: Path) -> None:
     kept: FigureCache[int, list[float]] = FigureCache(
-        tmp_path / "k", "row-{}".format, str, lambda values: list(map(float, values))
+        tmp_path / "k", "row-{}".format, str, lambda _, values: list(map(float, values))
     )
     kept.keep(3, "key", [0.5])
     assert (kept.find(3, "key"), kept.find(3, "other"), kept.find(4, "key")) == ([0.5], None, None)
-    assert (tmp_path / "k" / "row-3.json").read_text() == '{"fingerprint": "key", "figures": [0.5]}\n'
-    (tmp_path / "k" / "row-3.json").write_text('{"fingerprint": "key", "figures": ["x"]}')
+    path = tmp_path / "k" / "row-3.json"
+    text = path.read_text()
+    assert re.fullmatch(r'\{"fingerprint": "key", "sha256": "[0-9a-f]{64}", "figures": \[0\.5\]\}\n', text)
+    for changed in (text.replace("0.5", "0.25"), text.replace('"sha256"', '"sha"'), text.replace("0.5", '"0.5"')):
+        path.write_text(changed)
+        assert kept.find(3, "key") is None
+    kept.keep(3, "key", ["x"])  # type: ignore[list-item]
     assert kept.find(3, "key") is None

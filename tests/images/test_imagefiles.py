@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
+import logging
 import os
 import re
 import struct
 import threading
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -27,6 +30,7 @@ from support.common.imagefiles import (
     written,
 )
 
+from lava_vpr.cli import group
 from lava_vpr.errors import InputError
 from lava_vpr.images import formats
 from lava_vpr.images.formats import orientation_of, walk
@@ -205,10 +209,10 @@ _TAILED = {
 @pytest.mark.parametrize("kind", _TAILED)
 def test_a_tail_of_zeros_is_refused_or_changes_nothing(kind: str) -> None:
     data = _TAILED[kind]
-    whole = decode_image(data)
+    whole = decode_image(data, "a")
     for length in [*range(40, len(data) - 128, len(data) // 40), len(data) - 128]:
         try:
-            got = decode_image(data[:length].ljust(len(data), b"\0"))
+            got = decode_image(data[:length].ljust(len(data), b"\0"), "a")
         except InputError as error:
             assert re.search("damaged or cut short|needs at least", str(error))  # noqa: PT017
         else:
@@ -222,7 +226,7 @@ def test_an_honest_webp_that_ends_in_zeros_is_taken(level: int, quality: int) ->
     flat[:100] = cv2.resize(_BIG, (700, 100))
     for image in (flat, flat[100:]):
         data = image_bytes(".webp", image, cv2.IMWRITE_WEBP_QUALITY, quality)
-        assert decode_image(data).shape == image.shape
+        assert decode_image(data, "a").shape == image.shape
     assert quality == 101 or walk(data).shortened  # it does end in zeros
 
 
@@ -232,10 +236,10 @@ def test_an_honest_webp_that_ends_in_zeros_is_taken(level: int, quality: int) ->
 @pytest.mark.parametrize("kind", [*_WHOLE, *_TAILED])
 def test_a_picture_beyond_the_limit_is_not_decoded(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     data = {**_WHOLE, **_TAILED}[kind]
-    height, width = decode_image(data).shape[:2]
+    height, width = decode_image(data, "a").shape[:2]
     monkeypatch.setattr(cv2, "imdecode", None)
     monkeypatch.setenv("LAVA_VPR_MAX_IMAGE_PIXELS", str(width * height - 1))
-    refused(lambda: decode_image(data), f"has {width} x {height} = {width * height:,} pixels, more than the ")
+    refused(lambda: decode_image(data, "a"), f"has {width} x {height} = {width * height:,} pixels, more than the ")
 
 
 def test_what_a_small_file_claims_is_refused_before_it_is_paid(tmp_path: Path) -> None:
@@ -244,25 +248,30 @@ def test_what_a_small_file_claims_is_refused_before_it_is_paid(tmp_path: Path) -
         lambda: read_image(written(tmp_path / "a.png", wide)), "a.png: has 30000 x 30000 = 900,000,000 pixels, more"
     )
     samples = bytearray(image_bytes(".tif", smooth_picture(8).astype(np.float64)))
-    refused(lambda: decode_image(bytes(samples)), "holds float64 samples")
+    refused(lambda: decode_image(bytes(samples), "a"), "holds float64 samples")
     scans = _WHOLE["progressive.jpg"]
     scan = scans.rindex(b"\xff\xda")
-    refused(lambda: decode_image(scans[:scan] + scans[scan:-2] * 120 + b"\xff\xd9"), "has 101 scans, more than the 100")
+    refused(
+        lambda: decode_image(scans[:scan] + scans[scan:-2] * 120 + b"\xff\xd9", "a"), "has 101 scans, more than the 100"
+    )
     texts = [png_chunk(kind, b"k\0\0" + zlib.compress(bytes(7_000_000), 9)) for kind in (b"zTXt", b"iCCP")]
     data = png(2, 2, 8, 0, b"\0\1\2\0\3\4", *texts * 50)
     assert len(walk(data).data) < 100  # each would take 80 ms to unpack
-    np.testing.assert_array_equal(decode_image(data), [[1, 2], [3, 4]])
+    np.testing.assert_array_equal(decode_image(data, "a"), [[1, 2], [3, 4]])
 
 
 def test_many_parts_of_an_image_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LAVA_VPR_MAX_IMAGE_PARTS", "3")
     chunk = png_chunk(b"ruNk", b"")
     refused(
-        lambda: decode_image(png(2, 2, 8, 0, bytes(6), chunk, chunk, chunk)), "has 4 parts, more than the 3 allowed"
+        lambda: decode_image(png(2, 2, 8, 0, bytes(6), chunk, chunk, chunk), "a"),
+        "has 4 parts, more than the 3 allowed",
     )
     whole, one = tiff(bytes(12), (2, 2), COLOUR), struct.pack("<HHII", 279, 4, 1, 12)
-    assert decode_image(whole).shape == (2, 2, 3)
-    refused(lambda: decode_image(whole.replace(one, struct.pack("<HHII", 279, 4, 4, 12))), "has 4 parts, more than")
+    assert decode_image(whole, "a").shape == (2, 2, 3)
+    refused(
+        lambda: decode_image(whole.replace(one, struct.pack("<HHII", 279, 4, 4, 12)), "a"), "has 4 parts, more than"
+    )
     doubled = b"II*\0" + struct.pack("<IH", 8, 9) + 9 * struct.pack("<HHII", 273, 4, 3, 0)
     assert [tag for tag, _ in formats._entries(Window(doubled, "image_parts"), {273})] == [273]
 
@@ -271,6 +280,52 @@ def test_many_parts_of_an_image_are_refused(monkeypatch: pytest.MonkeyPatch) -> 
 def test_a_pipe_in_place_of_an_image_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "p.png")
     refused(lambda: read_image(tmp_path / "p.png"), "p.png: cannot be read (is a named pipe, not a file)")
+
+
+def _animated(kind: str) -> bytes:
+    """Two frames or pages, by Pillow."""
+    pillow, data = pytest.importorskip("PIL.Image"), io.BytesIO()
+    first, second = (pillow.fromarray(smooth_picture(seed)) for seed in (0, 1))
+    first.save(data, kind, save_all=True, append_images=[second])
+    return data.getvalue()
+
+
+_FLAT = np.vstack([np.zeros((8, 30, 3), np.uint8), smooth_picture(3, (16, 30, 3))])
+_NOTED: dict[str, tuple[Callable[[], bytes], str]] = {
+    "apng": (lambda: _animated("png"), "holds several pictures (pages or frames), of which the first is read"),
+    "webp": (lambda: _animated("webp"), "holds several pictures"),
+    "tiff": (lambda: _animated("tiff"), "holds several pictures"),
+    "12.png": (lambda: image_bytes(".png", _BIG.astype(np.uint16) * 16), "fill only 12 of 16 bits and are read as"),
+    "10.tif": (lambda: image_bytes(".tif", _BIG.astype(np.uint16) * 4), "only 10 of 16 bits.*; multiply them by 64"),
+    "zeros.bmp": (lambda: image_bytes(".bmp", _FLAT), "the last 8 rows of pixels in the file are 0"),
+    "zeros.tif": (lambda: image_bytes(".tif", _FLAT[::-1], 259, 1), "the last 8 rows of pixels in the file are 0"),
+    "16.png": (lambda: image_bytes(".png", _BIG.astype(np.uint16) * 257), ""),
+    "black.bmp": (lambda: image_bytes(".bmp", np.zeros((9, 9), np.uint8)), ""),
+    **{kind: (lambda data=data: data, "") for kind, data in _WHOLE.items()},  # type: ignore[misc]
+}
+"""Files, and what is logged of them."""
+
+
+@pytest.mark.parametrize("kind", _NOTED)
+def test_what_is_read_otherwise_than_its_user_may_think_is_noted(kind: str, caplog: pytest.LogCaptureFixture) -> None:
+    make, text = _NOTED[kind]
+    with caplog.at_level(logging.INFO, "lava_vpr"):
+        decode_image(make(), "a.png")
+    assert len(caplog.messages) == bool(text)
+    assert all(re.match(f"a.png: .*{text.replace('(', '[(]').replace(')', '[)]')}", said) for said in caplog.messages)
+
+
+def test_a_command_tells_the_first_of_each_sort(capsys: pytest.CaptureFixture[str]) -> None:
+    for _ in range(2):  # each command tells it
+        capsys.readouterr()
+        notes = group._Notes()
+        for name in "ab":
+            for text, sort in (("dark", "bits"), ("two", "pictures"), ("once more", None)):
+                record = logging.LogRecord("lava_vpr", logging.INFO, "", 0, f"{name}: {text}", None, None)
+                record.__dict__ |= {} if sort is None else {"sort": sort}
+                notes.emit(record)
+        told = capsys.readouterr().err.splitlines()
+        assert told == ["note: a: dark", "note: a: two", "note: a: once more", "note: b: once more"]
 
 
 def test_trailing_bytes_do_no_harm(tmp_path: Path) -> None:
@@ -287,10 +342,10 @@ def test_damaged_bytes_give_a_picture_or_a_clear_error(kind: str, at: int, garba
     data[at : at + len(garbage)] = garbage
     cause = ""
     try:
-        assert decode_image(bytes(data)).dtype == np.uint8
+        assert decode_image(bytes(data), "a").dtype == np.uint8
     except InputError as error:
         cause = str(error)
-    assert not cause or re.match("is |has |holds ", cause)
+    assert not cause or re.match("a: (is|has|holds) ", cause)
 
 
 def test_damaged_files_print_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -327,6 +327,21 @@ def test_a_map_without_a_neuron_is_refused() -> None:
         chip_learning(left)
 
 
+def test_places_that_the_map_has_already_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    """They are taken: a loop may show a place again."""
+    whole = case("template")
+    first = whole.trained(0, CUTS[0])
+    maps.extend(first, whole.part(CUTS[0], PLACES, CUTS[0]))
+    assert not caplog.messages
+    grown = maps.extend(first, whole.part(CUTS[0] - 2, PLACES, CUTS[0] - 2))
+    maps.merge([first, first])
+    assert grown.places == PLACES + 2
+    assert [message.split(";")[0] for message in caplog.messages] == [
+        f"2 of the {PLACES - CUTS[0] + 2} places added look the same as places before them",
+        f"{CUTS[0]} of the {CUTS[0]} places added look the same as places before them",
+    ]
+
+
 def test_a_silent_neuron_stays() -> None:
     """It stands for no place, so it goes with none; one that answers a place of another stretch more keeps its own."""
     made = small_model()

@@ -223,11 +223,16 @@ def test_what_is_kept_is_taken_for_the_same_images_settings_and_program_alone(
     place.write_bytes((folder / "s" / "query" / "3.png").read_bytes())
     assert kept_in(folder / "kept").key(first) != keys[0]
     assert kept_in(folder / "kept").key(second) == keys[1]
-    path = kept.file(first)
-    beyond = json.dumps({"fingerprint": keys[0], "figures": {"fast": dict.fromkeys(FIGURES, 2)}})
-    for text in ("", "[]", "{", '{"fingerprint": "x"}', beyond):
-        path.write_text(text)
+    for text in ("", "[]", "{", '{"fingerprint": "x"}'):
+        kept.file(first).write_text(text)
         assert kept.find(first, keys[0]) is None
+    figures = measure(None, read(first))
+    name, row = next(iter(figures.items()))
+    made_up: list[Any] = [{}, [], {**figures, "more": row}, {**figures, name: {**row, "more": 0.5}}]
+    made_up += [{**figures, name: {**row, "auc": value}} for value in (True, "0.5", 2, -0.5, None, [0.5])]
+    for figures in made_up:  # with the right checksum
+        kept.keep(first, keys[0], figures)
+        assert kept.find(first, keys[0]) is None, figures
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import pickle
 import tracemalloc
 import zipfile
@@ -14,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 from support.common.eventfiles import repacked
 from support.common.imagefiles import refused
-from support.fuzz.changes import stored as npy
+from support.fuzz.changes import stored as npy, zipped
 
 from lava_vpr.errors import InputError
 from lava_vpr.positions.frames import LAT_LON, XY
@@ -247,6 +248,31 @@ def test_an_archive_packed_otherwise_than_by_numpy_is_refused(method: int, tmp_p
         lambda: open_traverse(tmp_path / "v.npz"),
         "v.npz: is no sound .npz archive (entry 'descriptors.npy' is encrypted, or",
     )
+
+
+@pytest.mark.parametrize("second", ["descriptors.npy", "descriptors"])
+def test_an_archive_that_names_an_array_twice_is_refused(second: str, tmp_path: Path) -> None:
+    """NumPy takes the last."""
+    (tmp_path / "v.npz").write_bytes(zipped([("descriptors.npy", npy(vectors())), (second, npy(vectors(1)))]))
+    refused(lambda: open_traverse(tmp_path / "v.npz"), "v.npz: is no sound .npz archive (it has a second entry 'descr")
+
+
+@pytest.mark.parametrize(("zeros", "told"), [(0, []), (1, ["the last 1 row is 0"]), (4, ["the last 4 rows are 0"])])
+@pytest.mark.parametrize("suffix", [".npy", ".npz", ".h5"])
+def test_rows_of_zeros_at_the_end_are_told(
+    zeros: int, told: list[str], suffix: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """So ends what a full disk or a broken copy has left of vectors."""
+    array, path = vectors(), tmp_path / f"v{suffix}"
+    array[0], array[N - zeros :] = 0, 0
+    if suffix == ".h5":
+        with h5py.File(path, "w") as file:
+            file["descriptors"] = array
+    else:
+        path.write_bytes(npy(array) if suffix == ".npy" else zipped([("descriptors.npy", npy(array))]))
+    with caplog.at_level(logging.WARNING, "lava_vpr"):
+        read_vectors(path)
+    assert [message.split("; ")[0] for message in caplog.messages] == [f"{path}: {text}" for text in told]
 
 
 def test_more_vectors_than_there_are_is_refused(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """Changes of honest files, drawn from one generator: JSON values, arrays, text, archives, containers, bundles, bytes.
 
-Used by matching, storage, support and vectors.
+Used by events, matching, storage, support and vectors.
 """
 
 from __future__ import annotations
