@@ -17,10 +17,9 @@ import numpy as np
 
 from lava_vpr.config import Config, IntegerConfig, integer_config
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.mapping.limits import check, check_without_weights, least_cores
 from lava_vpr.deploy.mapping.partition import cause, fewest_cores
 from lava_vpr.deploy.mapping.placing import reach
-from lava_vpr.deploy.mapping.sizing import Floats, Pattern, Sizing
+from lava_vpr.deploy.mapping.sizing import Floats, Pattern, Sizing, check, check_without_weights, least_cores
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import scaled
 from lava_vpr.errors import ConfigError, NetworkLimitError

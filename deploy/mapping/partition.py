@@ -30,9 +30,8 @@ from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.memory import UNLIMITED, ByteBudget, PackedRows
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.mapping.layout import layout_of
-from lava_vpr.deploy.mapping.limits import check, host_spikes
 from lava_vpr.deploy.mapping.placing import Placed, balanced, even, longest, place
-from lava_vpr.deploy.mapping.sizing import EXC_SPIKES, Integers, Sizing
+from lava_vpr.deploy.mapping.sizing import EXC_SPIKES, Integers, Sizing, check, host_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 

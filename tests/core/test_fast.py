@@ -16,7 +16,7 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.compression import requantised
 from lava_vpr.deploy.bundle.deployment import plan_of
-from lava_vpr.deploy.mapping.limits import DEVIATIONS
+from lava_vpr.deploy.mapping.sizing import DEVIATIONS
 from lava_vpr.encoding import query_rates, rates16
 from lava_vpr.engine.inference.quantise import distinctive, pruned, unit_norm
 from lava_vpr.errors import ConfigError

@@ -13,9 +13,8 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.boards.memory import ByteBudget
 from lava_vpr.deploy.mapping.largest_map import largest
-from lava_vpr.deploy.mapping.limits import exceeded, least_cores
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.deploy.mapping.sizing import Sizing
+from lava_vpr.deploy.mapping.sizing import Sizing, exceeded, least_cores
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 

@@ -15,8 +15,8 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.mapping.largest_map import MEAN_MAGNITUDE, Capacity, largest, sizing_of, table
-from lava_vpr.deploy.mapping.limits import check
 from lava_vpr.deploy.mapping.partition import fewest_cores
+from lava_vpr.deploy.mapping.sizing import check
 from lava_vpr.encoding import Keep, encode_traverse
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.training.loop import train
