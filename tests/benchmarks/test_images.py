@@ -26,6 +26,7 @@ WORDS = {
     "benchmarks.recall": ["decoders"],
     "benchmarks.results.__main__": ["--all"],
     "benchmarks.versions.beside": ["."],
+    "benchmarks.versions.whole": ["."],
 }
 """What must be given."""
 

@@ -1,0 +1,83 @@
+"""Encoding, the localizer and whole commands of this checkout beside those of another, in turns.
+
+    LAVA_VPR_DATA=... python -m benchmarks versions.whole CHECKOUT [--rounds 5]
+
+Each checkout learns 100 and 500 summer images by its own preset, and is asked by winter images. Figures are processor
+time of all threads, the least of all rounds, because other programs share the machine; commands with their start.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+
+import click
+
+from benchmarks.commands.running import command_run
+from benchmarks.places import images_of
+from benchmarks.program import BenchmarkTable, Printed, program, turns
+from lava_vpr.storage.writing import temporary_folder
+
+ROOT = Path(__file__).resolve().parents[2]
+PYTHON = Path(".venv", "bin", "python")
+PLACES = (100, 500)
+TIMES = """
+import json, sys, time
+import cv2
+from lava_vpr.config import preset
+from lava_vpr.encoding import activity_of
+from lava_vpr.localizer import Localizer
+images, encoder = [cv2.imread(name) for name in sys.argv[3:]], preset("loihi").encoder
+def least(ask, over, rounds):
+    best = [9e9] * len(over)
+    for _ in range(rounds):
+        for k, image in enumerate(over):
+            began = time.process_time()
+            ask(image)
+            best[k] = min(best[k], time.process_time() - began)
+    return sorted(best)[len(best) // 2]
+found = {"an image of 64 x 32 encoded": least(lambda image: activity_of(image, encoder), images, 50)}
+large = [cv2.resize(image, (1920, 1080)) for image in images[:2]]
+found["one of 1920 x 1080"] = least(lambda image: activity_of(image, encoder), large, 20)
+for places in json.loads(sys.argv[1]):
+    update = Localizer(sys.argv[2] % places).update
+    found[f"`Localizer.update`, {places} places"] = least(update, images, 20)
+print(json.dumps(found), file=open("times.json", "w"))
+"""
+
+
+def measured(checkout: Path, place: Path) -> dict[str, float]:
+    """Seconds of processor time of everything, by its name, once; models of the checkout are in ``place``."""
+    python, winter = checkout / PYTHON, images_of("nordland", "winter").absolute()
+    names = sorted(winter.iterdir())[:40]
+    command_run(place, python, "-c", TIMES, json.dumps(PLACES), "%d.lvpr", *names)
+    found: dict[str, float] = json.loads((place / "times.json").read_text())
+    run = partial(command_run, place, python, "-m", "lava_vpr")
+    found["`query` of one image, 500 places"] = run("query", "500.lvpr", names[0], "-o", "one.csv").used
+    asked = images_of("nordland_long", "winter").absolute()
+    found["`query` of 1,000 images, 500 places"] = run("query", "500.lvpr", asked, "-o", "all.csv").used
+    found["`eval` of 500 images, 500 places"] = run("eval", "500.lvpr", winter).used
+    return found
+
+
+@program("nordland", "nordland_long")
+@click.argument("other", type=click.Path(exists=True, file_okay=False, resolve_path=True, path_type=Path))
+@click.option("--rounds", default=5, show_default=True, help="Turns with the other checkout.")
+def main(other: Path, rounds: int) -> Printed:
+    """Processor time of encoding, updates and commands, here and in the checkout OTHER."""
+    with temporary_folder() as place:
+        sides = {checkout: place / str(number) for number, checkout in enumerate((ROOT, other))}
+        for checkout, folder in sides.items():
+            folder.mkdir()
+            for places in PLACES:
+                words = ("train", images_of("nordland", "summer").absolute(), "--places", f"0:{places}")
+                command_run(folder, checkout / PYTHON, "-m", "lava_vpr", *words, "-o", f"{places}.lvpr")
+        taken = turns({checkout: partial(measured, checkout, folder) for checkout, folder in sides.items()}, rounds)
+    rows = []
+    for name in taken[ROOT][0]:
+        here, there = (1e3 * min(found[name] for found in taken[checkout]) for checkout in (ROOT, other))
+        cells = (f"{value:,.0f}" if value >= 100 else f"{value:.3g}" for value in (here, there))
+        rows.append([name, *cells, f"{there / here:.2f}"])
+    columns = ["", "here, ms", "other, ms", "ratio"]
+    yield BenchmarkTable(columns, rows, title=f"processor time, least of {rounds} turns", record="versions")
