@@ -33,6 +33,8 @@ EVENT = np.dtype({"names": ["t", "x", "y", "on"], "formats": ["<i8", "<i2", "<i2
 _NONE, _LZ4, _LZ4_HIGH, _ZSTD, _ZSTD_HIGH = range(5)
 _MOST_HEADER = 1 << 20
 _PIECE = 1 << 16
+_STREAMS = "./node[@name='outInfo']/node"
+"""Where a description names its streams."""
 
 
 class _BrokenError(ValueError):
@@ -96,7 +98,9 @@ class _Reader:
         if at is None:
             raise _BrokenError("a header without a description")
         (text,) = struct.unpack("<I", _slice(header, at, 4))
-        self._stream, self.size = _described(_slice(header, at + 4, text), shown(self._path))
+        description = _slice(header, at + 4, text)
+        self._stream, self.size = _described(description, shown(self._path))
+        self._streams = {one.get("name") for one in ElementTree.fromstring(description).findall(_STREAMS)}
 
     def packets(self) -> Iterator[Any]:
         """The events of each packet of the stream, of the type `EVENT`."""
@@ -108,6 +112,8 @@ class _Reader:
                 raise _BrokenError("it ends within a packet")
             stream, length = struct.unpack("<iI", head)
             within("event_packet_bytes", length, f"{shown(self._path)}: has a packet of")
+            if str(stream) not in self._streams:
+                raise _BrokenError(f"a packet of stream {stream}, which its description does not name")
             if stream != self._stream:
                 self._file.seek(length, 1)
                 continue
@@ -201,7 +207,7 @@ def _described(text: bytes, where: str) -> tuple[int, tuple[int, int]]:
     """The number of the stream of events, and width and height of its sensor, from the description in XML."""
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:  # all that an XML reader can be lured by
         raise _BrokenError("its description declares a document type")
-    streams = ElementTree.fromstring(text).findall("./node[@name='outInfo']/node")
+    streams = ElementTree.fromstring(text).findall(_STREAMS)
     found = [one for one in streams if one.findtext("./attr[@key='typeIdentifier']") == "EVTS"]
     if len(found) != 1:
         what = "no stream" if not found else f"{len(found)} streams"

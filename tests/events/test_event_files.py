@@ -78,6 +78,13 @@ def test_other_streams_of_an_aedat4_are_passed_over(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(path).t, EVENTS.t)
 
 
+def test_a_packet_of_a_stream_that_is_not_described_is_refused(tmp_path: Path) -> None:
+    """A turned bit would take its events away."""
+    path = aedat4(tmp_path / "a.aedat4", EVENTS, 0)
+    path.write_bytes(path.read_bytes() + struct.pack("<iI", 1, 5) + b"other")
+    refused(path, "a packet of stream 1, which its description does not name")
+
+
 def test_more_than_a_block_is_read_in_pieces(tmp_path: Path) -> None:
     many = made(2 * BLOCK + 7)
     for kind in ("dsec", "tonic", "apart", "metavision"):
