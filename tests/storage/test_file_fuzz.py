@@ -27,7 +27,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def fuzz(*words: object, code: str = "") -> subprocess.CompletedProcess[str]:
     """Run the fuzzer in a process of its own, after ``code``."""
-    command = f"import sys, time, os\nfrom support.fuzz import run\n{code}\nsys.exit(run.main())"
+    waits = "os.fsync = os.fstat"  # as in conftest
+    command = f"import sys, time, os\n{waits}\nfrom support.fuzz import run\n{code}\nsys.exit(run.main())"
     environment = {"PYTHONPATH": str(ROOT / "tests"), "PATH": "/usr/bin:/bin", "HOME": str(Path.home())}
     return children.run(
         [sys.executable, "-c", command, *words], cwd=ROOT, env=environment, capture_output=True, text=True, check=False
