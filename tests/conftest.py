@@ -13,8 +13,10 @@ from typing import Any
 import pytest
 from support.common import children
 from support.common.commands import link_route, make_route
+from support.lava import copies
 
 from lava_vpr.backends.lava import lava_missing
+from lava_vpr.isolated import runner
 
 MISSING = lava_missing()
 WHOLE_MODULE = "pytestmark = pytest.mark.lava\n"
@@ -85,6 +87,20 @@ def _children() -> Iterator[None]:
     """What a test has started ends with it at the latest; what serves several tests was started before."""
     with children.ended():
         yield
+
+
+@pytest.fixture(scope="session")
+def _original() -> Iterator[None]:
+    """What runs of Lava are copied from ends with the tests."""
+    yield
+    copies.end()
+
+
+@pytest.fixture(autouse=True)
+def _copies(request: pytest.FixtureRequest, _original: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs of Lava start at once, but for the tests that are about how they start."""
+    if MISSING is None and "isolated" not in request.path.parts:
+        monkeypatch.setattr(runner, "started", copies.started)
 
 
 @pytest.fixture

@@ -17,6 +17,7 @@ ONE_PLACE = "tests/support/common/children.py"
 ELSEWHERE = {
     "tests/golden/running.py": "forks the cases of the golden files, each ended by an alarm",
     "tests/support/lava/lava_targets.py": "runs as a child of run_isolated, which ends what it leaves",
+    "tests/support/lava/copies.py": "forks workers of run_isolated, which ends them, as their caller does",
 }
 """Files that start processes in another way, and why they may."""
 STANDINS = "tests/support/standins/"
