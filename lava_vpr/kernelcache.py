@@ -93,7 +93,7 @@ def compiled(**options: Any) -> Any:
     Args:
         options: As for `numba.njit`, without ``cache``.
     """
-    numba = _numba()
+    numba = imported()
 
     def decorate(function: Any) -> Any:
         kernel = numba.njit(**options)(function)
@@ -112,7 +112,7 @@ _FEATURES = re.compile(r"([+-][\w.-]+(,|$))*")
 
 
 @functools.cache
-def _numba() -> Any:
+def imported() -> Any:
     """numba, imported for the first time here.
 
     Raises:

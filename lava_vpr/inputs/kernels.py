@@ -11,11 +11,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import types
-from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
-from lava_vpr.kernelcache import compiled
+from lava_vpr.kernelcache import compiled, imported
 
 _BLOCK, _CHUNK = 128, 8192
 """Values whose sum NumPy takes in eight lanes, and those of one call of its loop."""
@@ -29,15 +27,17 @@ _P_LOW = (-1.228866684490136173410e2, -6.485021904942025371773e1)
 _Q = (2.485846490142306297962e1, 1.650270098316988542046e2, 4.328810604912902668951e2)
 _Q_LOW = (4.853903996359136964868e2, 1.945506571482613964425e2)
 
+_numba = imported()
 
-@intrinsic
+
+@_numba.extending.intrinsic
 def _fma(context: Any, a: Any, b: Any, c: Any) -> Any:
     """The processor's fused product and sum."""
 
     def made(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         return builder.fma(*values)
 
-    return types.float32(types.float32, types.float32, types.float32), made
+    return _numba.float32(_numba.float32, _numba.float32, _numba.float32), made
 
 
 def fused(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
@@ -45,7 +45,7 @@ def fused(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
     return np.float32(np.float64(a) * np.float64(b) + np.float64(c))
 
 
-@overload(fused, strict=False)
+@_numba.extending.overload(fused, strict=False)
 def _fused(a: Any, b: Any, c: Any) -> Any:
     return lambda a, b, c: _fma(a, b, c)
 
