@@ -49,6 +49,10 @@ class ClusterError(LavaVprError):
     there."""
 
 
+class PluginError(LavaVprError):
+    """What a package brings failed, and it is to blame; what it raised is the cause."""
+
+
 class LavaRunError(LavaVprError):
     """A run of Lava that failed, was killed or took too long.
 

@@ -290,7 +290,7 @@ def open_source(
         raise InputError(f"{source!r} is not a path; give a folder of images, a list, a video or an image")
     name, of_name = split_topic(source)
     path = Path(name)
-    row = next((row for row in READERS.values() if row.named(source)), None)
+    row = _first(lambda row: row.named(source))
     if row is None:
         row = _reader_of(path)
     elif not live:
@@ -310,13 +310,22 @@ def check_every(every: float) -> None:
         raise InputError(f"--every is {every}, but must be a number of seconds, at least 0.001")
 
 
+def _first(wants: Callable[[Reader], object]) -> Reader | None:
+    """The first row that ``wants`` a source; one of a package that fails to say so is left out."""
+    for row in READERS.values():
+        with READERS.spared(row.name):
+            if wants(row):
+                return row
+    return None
+
+
 def _reader_of(path: Path) -> Reader:
     """The first row that takes ``path``."""
     try:
         path.stat()
     except OSError as error:
         raise InputError(f"{shown(path)}: cannot be opened ({error.strerror}); check the path") from None
-    row = next((row for row in READERS.values() if row.takes(path)), None)
+    row = _first(lambda row: row.takes(path))
     if row is not None:
         return row
     if not path.is_file():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -268,7 +269,9 @@ def recognise(
         calibration = comparison.calibration if answers_here else None
         keep = comparison.keep_scores and (answers_here or name not in DECODERS)
         seen = pace if answers_here else None
-        held[name] = hold(matcher, scores, truth, Together(sequence, NONE, calibration), pace=seen, keep=keep)
+        nobody_asked = DECODERS.spared(name) if name in DECODERS and not answers_here else nullcontext()
+        with nobody_asked:
+            held[name] = hold(matcher, scores, truth, Together(sequence, NONE, calibration), pace=seen, keep=keep)
         if answers_here and comparison.motion != NONE and sequence == 1:
             moving = Motion().moving(shown.rates[: len(queries)])
             followed = follow(matcher, scores, truth, Together(motion=comparison.motion), moving)
@@ -339,7 +342,7 @@ def _every_matcher(
 def as_json(model: Model, result: Recognition, errors: PositionErrors | None = None) -> dict[str, Any]:
     """The figures in the layout that scripts rely on (``lava-vpr eval --json``); ``errors`` where they are known."""
     groups: dict[str, dict[str, Metrics]] = {
-        "decoders": {name: result.metrics[name] for name in sorted(DECODERS, key=lambda name: name == result.default)},
+        "decoders": {name: metrics for name, metrics in result.metrics.items() if name in DECODERS},
         "baselines": {name: metrics for name, metrics in result.metrics.items() if name not in DECODERS},
         "adapted": result.adapted,
         "followed": result.followed,

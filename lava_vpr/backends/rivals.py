@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial, reduce
+from functools import cache, cached_property, partial, reduce
 from operator import or_
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -148,9 +148,9 @@ class Scored(NamedTuple):
 
 
 def decoded(model: Model, counts: NDArray[Any], name: str) -> InBlocks:
-    """Scores of spike counts (n, neurons) by the decoder ``name``."""
-    scores_of = decoders.prepare(name, model.responses, gamma=model.config.decoder.gamma)
-    return InBlocks(len(counts), model.places, lambda rows: scores_of(counts[rows]))
+    """Scores of spike counts (n, neurons) by the decoder ``name``, which is asked when they are."""
+    prepared = cache(partial(decoders.prepare, name, model.responses, gamma=model.config.decoder.gamma))
+    return InBlocks(len(counts), model.places, lambda rows: prepared()(counts[rows]))
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.presentations import Trains
-from lava_vpr.errors import BackendUnavailableError, ConfigError, InputError, NetworkLimitError
+from lava_vpr.errors import BackendUnavailableError, ConfigError, InputError, NetworkLimitError, PluginError
 from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.model import Model, as_integer, decode
@@ -178,7 +178,7 @@ def verify(
             found = (
                 reference if name == "host" else _verdict(name, model, shown, trains, images, truth, reference, begin)
             )
-        except (BackendUnavailableError, ConfigError, NetworkLimitError) as error:
+        except (BackendUnavailableError, ConfigError, NetworkLimitError, PluginError) as error:
             found = Verdict(name, str(error))
         verdicts.append(found)
     return verdicts

@@ -10,11 +10,12 @@ from typing import Any
 import click
 
 from lava_vpr import __version__
+from lava_vpr.backends.interface import BackendRow
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.bench.query_set import installed
 from lava_vpr.cli.common import console, print_reasons
 from lava_vpr.engine.presentations import cores
-from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.errors import BackendUnavailableError, PluginError
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.readers import READERS
@@ -55,6 +56,14 @@ def _costing() -> tuple[str, str, str]:
     return "RAPL", there, f"optional: energy of the processor, for bench{why}"
 
 
+def _missing(row: BackendRow) -> str | None:
+    """Why a backend cannot run here; None if it can."""
+    try:
+        return row.unavailable()
+    except PluginError as error:
+        return str(error)
+
+
 def _show_plugins() -> None:
     """Say which rows other packages bring, and why one cannot be used."""
     rows = [
@@ -92,7 +101,7 @@ def doctor() -> None:
     rows.append(_costing())
     strong = frozenset(k for k, package in enumerate(NEEDED) if package in missing)
     _print(("package", "version", "what for"), rows, "packages", strong)
-    reasons = {name: row.unavailable() for name, row in BACKENDS.items()}
+    reasons = {name: _missing(row) for name, row in BACKENDS.items()}
     able = {name: "yes" if reason is None and not missing else "no" for name, reason in reasons.items()}
     _print(
         ("backend", "can run", "what"), [(name, able[name], row.title) for name, row in BACKENDS.items()], "backends"

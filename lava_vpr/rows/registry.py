@@ -18,7 +18,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from lava_vpr.errors import LavaVprError, brief
+from lava_vpr.errors import LavaVprError, PluginError, brief
+from lava_vpr.rows.guarded import cause, guarded
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -88,7 +89,8 @@ class Registry(Mapping[str, Row], Generic[Row]):
 
     With a ``group``, installed packages bring rows, too. A name that is built in is looked up
     without them, and nothing of a package is imported before its row is asked for by name, or all rows are. One that
-    cannot be used is left out with a warning, and is an error where it is asked for by name.
+    cannot be used is left out with a warning, and is an error where it is asked for by name. Whatever fails in one that
+    is used is a `PluginError` (`lava_vpr.rows.guarded`).
 
     Args:
         kind: What a row is, one word for messages: "decoder", "board".
@@ -161,6 +163,17 @@ class Registry(Mapping[str, Row], Generic[Row]):
             return ""
         return f", or install the package that has it among its entry points {self.group}"
 
+    @contextlib.contextmanager
+    def spared(self, name: str) -> Iterator[None]:
+        """Give up, with a warning, what is done by the row ``name`` of a package and fails; nobody asked for it."""
+        try:
+            yield
+        except LavaVprError as error:
+            if name in self._rows:
+                raise
+            said = "" if isinstance(error, PluginError) else f"{self._called(self._plugins()[name])} is left out: "
+            _warn(f"{said}{error}")
+
     def __iter__(self) -> Iterator[str]:
         yield from self._rows
         for name, plugin in self._plugins().items():
@@ -211,14 +224,16 @@ class Registry(Mapping[str, Row], Generic[Row]):
             row = reason = None
             try:
                 row = plugin.entry.load()
-            except (Exception, SystemExit) as error:  # whatever a package of somebody does when it is imported
-                cause = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-                reason = f"cannot be loaded ({cause})"
-            else:
                 if not isinstance(row, self._row_class):
                     reason = f"is {type(row).__name__} instead of a row of type {self._row_class.__name__}"
                 elif row.name != plugin.name:
                     reason = f"calls itself {brief(row.name)}"
+                else:
+                    row = guarded(row, self._called(plugin))
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # whatever a package of somebody does when it is imported
+                reason = f"cannot be loaded ({cause(error)})"
             refusal = f"{self._called(plugin)} {reason}; update or uninstall that package"
             self._loaded[plugin] = typing.cast(Row, row) if reason is None else refusal
         return self._loaded[plugin]
