@@ -22,6 +22,7 @@ from lava_vpr.events.stream import EventRecording, Raw, check_size, checked
 from lava_vpr.events.windows import Windows, hot_pixels
 from lava_vpr.images.sampling import Sample
 from lava_vpr.inputs.windows import EventsConfig
+from lava_vpr.storage.arrays import zeros_at_end
 
 _NOTES = logging.getLogger("lava_vpr")
 
@@ -83,8 +84,16 @@ def windows_of(path: Path, config: EventsConfig, every: float) -> Callable[[], I
     recording = open_events(path)
     size = _size(recording) if recording.size is None else recording.size
     seen = np.zeros((size[1], size[0]), np.int64)
+    last = {"column": 0, "row": 0}
     for events in recording.events():
         np.add.at(seen, (events.y, events.x), 1)
+        for name, values in (("column", events.x), ("row", events.y)):
+            last[name] = zeros_at_end(values, last[name])
+    for name, zeros in last.items():
+        if zeros > 1:  # one is nothing strange
+            _NOTES.warning(
+                f"{shown(path)}: the last {zeros:,} events have the {name} 0; if they should not, copy it again"
+            )
     if not seen.any():
         raise InputError(f"{shown(path)}: holds no event; record it again")
     return partial(_walk, recording, config, every, seen)

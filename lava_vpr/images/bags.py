@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -102,10 +103,17 @@ def _messages(path: Path, topic: str | None) -> Iterator[tuple[int, Any, str]]:
         chosen = _chosen(path, list(reader.connections), topic)
         with _told(path):
             rest = iter(reader.messages(connections=chosen))
-        while True:
+            listed = reader.topics[chosen[0].topic]
+        wanted = listed.msgcount if len(listed.connections) == len(chosen) else None
+        for number in count():
             with _told(path):
                 found = next(rest, None)
                 message = None if found is None else read(found[2], found[0].msgtype)
+            if found is None and wanted not in (None, number):
+                raise InputError(
+                    f"{shown(path)}: is damaged, or its metadata are old ({number:,} images, {wanted:,} are listed); "
+                    "copy it again, or try ros2 bag reindex"
+                )
             if found is None:
                 return
             yield found[1], message, found[0].topic

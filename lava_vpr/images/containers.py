@@ -109,31 +109,50 @@ class _Track:
         if not len(starts) or (part < 0).any() or (ends > stops[part]).any():
             raise DamagedError("frames are missing")
 
+    def scale(self) -> int:
+        """Ticks of its clock in a second; 0 if it does not tell."""
+        if b"mdhd" not in self.boxes:
+            return 0
+        start = self.boxes[b"mdhd"][0]
+        return int(self.file.numbers(">I", start + (20 if self.file.at(start, 1)[0] else 12))[0])
+
     def span(self, movie_scale: int) -> float:
         """Seconds from the first frame to the last that is shown."""
         steps = self.table(b"stts", ">u4,>u4")
-        if b"mdhd" not in self.boxes or not len(steps) or not self.sizes().size:
-            return 0.0
-        start = self.boxes[b"mdhd"][0]
-        scale = self.file.numbers(">I", start + (20 if self.file.at(start, 1)[0] else 12))[0]
-        if not scale:
+        scale = self.scale()
+        if not scale or not len(steps) or not self.sizes().size:
             return 0.0
         whole = float((steps[:, 0].astype(np.float64) * steps[:, 1]).sum()) / scale
         shown, last = self.shown(movie_scale), float(steps[-1, 1]) / scale
         return max(0.0, (whole if shown is None else min(whole, shown)) - last)
 
+    def edits(self) -> NDArray[np.int64]:
+        """What the edit list shows, int64 (n, 2): how long, by the clock of the movie; from when on, by the track's."""
+        wide = b"elst" in self.boxes and self.file.at(self.boxes[b"elst"][0], 1)[0] == 1
+        rows = self.table(b"elst", ",".join([">i4"] * (5 if wide else 3)))
+        rows = rows[:, [0, 2]] << 32 | rows[:, [1, 3]] & 0xFFFFFFFF if wide else rows[:, :2]
+        return rows[rows[:, 1] >= 0]  # other rows are pauses
+
     def shown(self, movie_scale: int) -> float | None:
         """Seconds that the edit list shows; None without one."""
         if b"elst" not in self.boxes or not movie_scale:
             return None
-        wide = self.file.at(self.boxes[b"elst"][0], 1)[0] == 1
-        if wide:
-            rows = self.table(b"elst", ">u4,>u4,>i4,>i4,>u4")
-            parts = (rows[:, 0] * 2.0**32 + rows[:, 1])[rows[:, 2] >= 0]
-        else:
-            rows = self.table(b"elst", ">i4,>i4,>i4")
-            parts = rows[rows[:, 1] >= 0, 0].astype(np.float64)
-        return float(parts.sum()) / movie_scale
+        return float(self.edits()[:, 0].sum()) / movie_scale
+
+    def least(self, movie_scale: int) -> int:
+        """Frames that it shows at least, beside those at the rounded ends of its edit list; 0 if it does not tell."""
+        steps, sizes, moved = self.table(b"stts", ">u4,>u4"), self.sizes(), self.table(b"ctts", ">i4,>i4")
+        if steps[:, 0].sum() != len(sizes):
+            raise DamagedError(f"it has times of {steps[:, 0].sum():,} frames, and sizes of {len(sizes):,}")
+        if b"elst" not in self.boxes or not len(sizes):
+            return len(sizes)
+        edits, scale = self.edits(), self.scale()
+        if len(edits) != 1 or not movie_scale or (len(moved) and moved[:, 0].sum() != len(sizes)):
+            return 0
+        each = np.repeat(steps[:, 1], steps[:, 0])
+        times = np.cumsum(each) - each + (np.repeat(moved[:, 1], moved[:, 0]) if len(moved) else 0)
+        length, first = edits[0].tolist()
+        return int(((times >= first) & (times < first + (length - 1) * scale / movie_scale)).sum())
 
     def check_source(self) -> None:
         """The media must lie in this file."""
@@ -184,7 +203,8 @@ def _walk_mp4(file: Window) -> Film:
         track.check_samples(media)
     # An edit list hides frames, and rounds the time that it shows.
     frames = 0 if not films or b"elst" in films[0].boxes else len(films[0].sizes())
-    return Film("mov", tuple(track.size() for track in films), frames, films[0].span(scale) if films else 0.0)
+    span, least = (films[0].span(scale), films[0].least(scale)) if films else (0.0, 0)
+    return Film("mov", tuple(track.size() for track in films), frames, span, least)
 
 
 def _check_index(file: Window, start: int, end: int) -> None:

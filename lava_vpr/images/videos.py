@@ -93,9 +93,12 @@ def video_samples(path: Path) -> Iterator[Sample]:
             fault = f"{shown(path)}: frame {number} cannot be decoded; was the file changed?"
             yield Sample(number, time, partial(_retrieved, capture, fault), time)
             number += 1
-        missing = (film.span - time) / period
+        missing, cause = (film.span - time) / period, ""
         if number and (missing > 1.5 or (missing > 0.5 and number < film.frames)):
             cause = f"{time:.2f} of {film.span:.2f} seconds can be decoded"
+        elif 0 < number < film.least:
+            cause = f"{number:,} of {film.least:,} frames can be decoded"
+        if cause:
             raise InputError(f"{shown(path)}: is damaged or cut short ({cause}); copy it again or convert it")
     if not number:
         raise InputError(f"{shown(path)}: holds no video frame that can be decoded; convert it to MP4 (H.264)")

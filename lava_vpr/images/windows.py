@@ -25,12 +25,14 @@ class Film:
         sizes: Width and height of each video stream in pixels, where the file tells them.
         frames: Number of frames of the first video stream, or 0 where the file does not tell it; some may be hidden.
         span: Seconds from its first to its last frame, 0 where the file does not tell them.
+        least: Number of its frames that a sound file shows, at least; 0 where the file does not tell it.
     """
 
     demuxer: str
     sizes: tuple[tuple[int, int], ...] = ()
     frames: int = 0
     span: float = 0.0
+    least: int = 0
 
 
 Part = tuple[Any, int, int]

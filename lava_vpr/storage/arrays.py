@@ -228,6 +228,12 @@ def _type(header: ArrayHeader, kinds: str) -> np.dtype[Any]:
     return found
 
 
+def zeros_at_end(array: NDArray[Any], before: int = 0) -> int:
+    """How many of the last rows of an ``array`` (rows, ...) are 0; ``before``: of the rows that stand before it."""
+    rows = np.flatnonzero(array.reshape(len(array), -1).any(axis=1)) if array.size else array
+    return len(array) - 1 - int(rows[-1]) if len(rows) else before + len(array)
+
+
 def note_zeros(array: NDArray[Any], where: str) -> None:
     """Warn of an ``array`` (rows, ...) of a file whose end holds nothing but zeros: as if the file had been cut.
 
@@ -235,8 +241,7 @@ def note_zeros(array: NDArray[Any], where: str) -> None:
     """
     if array.size == 0 or array.ndim == 0 or array[-1].any():
         return
-    rows = np.flatnonzero(array.reshape(len(array), -1).any(axis=1))
-    zeros = len(array) - (int(rows[-1]) + 1 if len(rows) else 0)
+    zeros = zeros_at_end(array)
     if zeros > (array.ndim == 1):
         what = "rows are" if zeros > 1 else "row is"
         _NOTES.warning(f"{where}: the last {zeros} {what} 0; if they should not be, write the file again")

@@ -310,6 +310,15 @@ def test_a_traverse_of_events_is_its_windows(tmp_path: Path) -> None:
     assert backwards.stamps.tolist() == whole.stamps[[5, 2, 2, 0]].tolist()
 
 
+def test_events_that_are_zeros_at_the_end_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    events = made(3000)
+    events.x[-6:], events.y[-1] = [1, 0, 0, 0, 0, 0], 0
+    open_traverse(written("plain", tmp_path, events))
+    told = [one.getMessage() for one in caplog.records if one.levelname == "WARNING"]
+    where = tmp_path / "plain.h5"
+    assert told == [f"{where}: the last 5 events have the column 0; if they should not, copy it again"]
+
+
 def test_a_file_that_changed_is_told(tmp_path: Path) -> None:
     path = apart(tmp_path / "a.npz", EVENTS)
     whole = open_traverse(path, every=0.5, events=EventsConfig(window_ms=100))

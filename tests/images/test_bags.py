@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
+import sqlite3
 import sys
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -185,6 +187,15 @@ def test_damage_is_one_line(kind: str, tmp_path: Path) -> None:
     assert len(refusals) >= 6
     assert all(text.startswith(f"{tmp_path}/") and "\n" not in text for text in refusals)
     assert {image.tobytes() for image in open_traverse(file).images()} == good
+
+
+def test_a_bag_that_lists_more_images_than_it_holds_is_refused(tmp_path: Path) -> None:
+    made = bag(tmp_path / "b", frames(PICTURES), "db3")
+    with contextlib.closing(sqlite3.connect(next(made.glob("*.db3")))) as held:
+        held.execute("DELETE FROM messages WHERE id = 2")
+        held.commit()
+    count = len(PICTURES)
+    refused(lambda: open_traverse(made), f"({count - 1} images, {count} are listed); copy it again, or try ros2 bag")
 
 
 def test_without_the_package_one_line_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

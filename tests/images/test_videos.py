@@ -139,6 +139,19 @@ def test_frames_that_cannot_be_decoded_at_the_end_are_missed(tmp_path: Path) -> 
     refused(lambda: open_traverse(written(tmp_path / "cut.mp4", data[:-1])), "cut.mp4: is damaged or cut short")
 
 
+def test_one_frame_that_cannot_be_decoded_is_missed(tmp_path: Path) -> None:
+    data = bytearray(video(tmp_path / "v.mp4", 8, 25.0, codec="mp4v").read_bytes())
+    assert looked_at(tmp_path / "v.mp4").least == 8
+    frame = data.rindex(b"\0\0\1\xb6")
+    data[frame : frame + 5] = bytes(5)
+    lost = written(tmp_path / "lost.mp4", bytes(data))
+    refused(lambda: open_traverse(lost), "lost.mp4: is damaged or cut short (7 of 8 frames can be decoded); copy it")
+    told = bytearray((tmp_path / "v.mp4").read_bytes())
+    told[told.index(b"stts") + 15] = 9
+    counts = "(it has times of 9 frames, and sizes of 8)"
+    refused(lambda: open_traverse(written(tmp_path / "told.mp4", bytes(told))), counts)
+
+
 def test_media_outside_the_file_s_parts_are_missed(tmp_path: Path) -> None:
     data = bytearray(video(tmp_path / "v.mp4", 30, 25.0, codec="mp4v").read_bytes())
     at = data.index(b"stco") + 12
