@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
 import gc
 import os
 import signal
+import zlib
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -79,6 +81,32 @@ def _disks() -> Iterator[None]:
     """No test waits until a disk has what it writes: none could see what a power cut would leave."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", os.fstat)  # it refuses closed files, too
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _kernels(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A kernel that another worker of pytest-xdist compiles is waited for and read, not compiled once more."""
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        yield
+        return
+    from numba.core.dispatcher import Dispatcher, global_compiler_lock
+
+    compiled = Dispatcher.compile
+    with (tmp_path_factory.getbasetemp().parent / "kernels").open("ab") as locks, pytest.MonkeyPatch.context() as patch:
+
+        def in_turn(kernel: Any, signature: Any) -> Any:
+            if not kernel.__module__.startswith("lava_vpr."):  # those have no cycles of calls, nor cycles of waiting
+                return compiled(kernel, signature)
+            byte = zlib.crc32(f"{kernel.__module__}.{kernel.__qualname__}".encode())
+            with global_compiler_lock:  # first, else two threads could wait for each other
+                fcntl.lockf(locks, fcntl.LOCK_EX, 1, byte)
+                try:
+                    return compiled(kernel, signature)
+                finally:
+                    fcntl.lockf(locks, fcntl.LOCK_UN, 1, byte)
+
+        patch.setattr(Dispatcher, "compile", in_turn)
         yield
 
 
