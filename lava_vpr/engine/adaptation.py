@@ -80,7 +80,7 @@ class Adaptation:
 
     def __init__(self, network: FixedNetwork, tau: float) -> None:
         self._weights = network.weights.astype(np.float64)
-        self._highest, self._motion = network.highest_bias, Motion()
+        self._highest, self._motion = network.safe_bias, Motion()
         self._mean = RunningMean(-network.bias.astype(np.float64) / (1 << INPUT_SHIFT), tau)
 
     def biases(self, rates: NDArray[np.uint16]) -> NDArray[np.int32]:

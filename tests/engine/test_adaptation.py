@@ -35,7 +35,7 @@ def literal(spec: FixedNetwork, shown: NDArray[np.uint16], tau: float) -> list[l
     biases = []
     for row in shown.astype(int):
         # Mantissas of 12 bits and one exponent for all, as `bias_registers` says.
-        wanted = [min(round(-value * 64), spec.highest_bias) for value in mean]
+        wanted = [min(round(-value * 64), spec.safe_bias) for value in mean]
         exponent = max(0, max(abs(value) for value in wanted).bit_length() - 12)
         biases.append([(abs(v) >> exponent << exponent) * (1 if v >= 0 else -1) for v in wanted])
         drives = [int(row @ weights[:, i]) / 65536 for i in range(spec.neurons)]

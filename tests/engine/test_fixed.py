@@ -235,6 +235,19 @@ def test_no_neuron_spikes_by_its_bias_alone_but_with_one_more_it_does(seed: int)
     assert count_spikes(dataclasses.replace(network, bias=beyond), rates, keys)[0].any()
 
 
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(st.integers(0, 2**31), st.integers(20, 370))
+def test_a_safe_bias_is_silent_where_the_chip_decays_a_unit_less_and_the_highest_is_not(seed: int, decay: int) -> None:
+    network = random_network(seed, steps=2000, decay=decay, threshold=700)
+    rates, keys = np.zeros((1, network.inputs), np.uint16), np.ones(1, np.uint64)
+    spikes = []
+    for bias in (network.safe_bias, network.highest_bias):
+        slower = dataclasses.replace(network, bias=np.full(network.neurons, bias, np.int32), decay=decay - 1)
+        with mock.patch.object(FixedNetwork, "check"):  # the highest is refused at that decay
+            spikes.append(count_spikes(slower, rates, keys)[0].any())
+    assert spikes == [False, True]
+
+
 def test_threads_batches_and_order_do_not_matter() -> None:
     network = random_network(12, steps=50, threshold=5)
     rates = np.random.default_rng(1).integers(0, 20000, (65, network.inputs)).astype(np.uint16)

@@ -205,11 +205,11 @@ def test_biases_take_the_mean_drive_off(tau: float) -> None:
     _, exponent = bias_registers(network.bias)
     wanted = np.array([float(-64 * one) for one in mean])
     assert network.bias.any()
-    capped = wanted > network.highest_bias
+    capped = wanted > network.safe_bias
     step = 1 << exponent
     assert np.abs(network.bias - wanted)[~capped].max() < step + 0.5
-    assert (network.bias[capped] > network.highest_bias - step).all()
-    assert (network.bias <= network.highest_bias).all()
+    assert (network.bias[capped] > network.safe_bias - step).all()
+    assert (network.bias <= network.safe_bias).all()
     assert capped.any() == (tau > 1000)
     assert not made(replace(settings, signed=False)).bias.any()
 

@@ -31,6 +31,9 @@ THRESHOLD = 8000
 LEVEL = THRESHOLD << INPUT_SHIFT
 """The threshold of the input compartments in units of v."""
 
+SPARE_DECAY = 1
+"""Units of 2^-12 by which a chip may decay less than its register says before a bias of ours makes a neuron spike."""
+
 _PURPOSE = "phase"
 _CRC = np.uint64(zlib.crc32(_PURPOSE.encode()))
 _S32 = np.uint64(32)
@@ -157,6 +160,11 @@ def highest_bias(threshold: int, decay: int) -> int:
     A membrane that gains b and loses ``decay`` 2^-12 of itself in every step stays below b 2^12 / ``decay``.
     """
     return ((threshold << INPUT_SHIFT) * decay) >> DECAY_BITS
+
+
+def safe_bias(threshold: int, decay: int) -> int:
+    """`highest_bias` with `SPARE_DECAY` to spare: it holds on a chip whose decay is off by so much."""
+    return highest_bias(threshold, max(0, decay - SPARE_DECAY))
 
 
 def bias_registers(bias: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

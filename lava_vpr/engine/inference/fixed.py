@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.engine.inference.biases import bias_registers, check_bias, highest_bias, slopes
+from lava_vpr.engine.inference.biases import bias_registers, check_bias, highest_bias, safe_bias, slopes
 from lava_vpr.engine.inference.fixed_kernels import KernelNumbers, laid_out, present
 from lava_vpr.engine.presentations import check_array, check_presentations, share
 from lava_vpr.errors import NetworkLimitError
@@ -222,6 +222,11 @@ class FixedNetwork:
     def highest_bias(self) -> int:
         """The largest bias with which no membrane rises above the threshold without input."""
         return highest_bias(self.threshold, self.decay)
+
+    @property
+    def safe_bias(self) -> int:
+        """The largest bias that training and queries set: `highest_bias` with a unit of decay to spare."""
+        return safe_bias(self.threshold, self.decay)
 
     @cached_property
     def prepared(self) -> Prepared:

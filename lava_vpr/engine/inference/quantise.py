@@ -172,7 +172,7 @@ def quantise(weights: NDArray[np.float64], network: LifNetwork, shown: Sequence[
     if not unit > 0:
         raise ConfigError("no neuron is driven by its own place; check learning.eta and the reference images")
     fixed = scaled(network, integers, unit)
-    fixed = replace(fixed, bias=biases_of(drives, fixed.highest_bias))
+    fixed = replace(fixed, bias=biases_of(drives, fixed.safe_bias))
     fixed.check()
     return fixed
 
