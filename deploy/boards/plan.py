@@ -148,6 +148,23 @@ class Plan:
     times: Times | None = None
 
     @property
+    def embedded_tables(self) -> tuple[int, int]:
+        """Bytes of tables and counts of ``programs/kapoho_bay/chip_program.py`` on the chip where they take most, and
+        with ``--ways masks``: two places and a count a neuron, a place an input compartment, cores, and the input axons
+        of injected spikes, as numbers or as bits."""
+        network, found = self.network, []
+        for chip in {core.chip for core in self.cores}:
+            own = [core for core in self.cores if core.chip == chip]
+            exc, inputs = ([core.part(name).size for core in own] for name in ("exc", "inputs"))
+            exc_cores, input_cores = (sum(size > 0 for size in sizes) for sizes in (exc, inputs))
+            targets = 0 if network.bias_input else input_cores if network.relayed else exc_cores
+            sources = (4 * sum(inputs) + 2 * input_cores) * network.bias_input
+            others = 12 * sum(exc) + sources + 2 * (exc_cores + targets)
+            blocks = -(-network.inputs // 32)
+            found.append((others + 2 * network.inputs * targets, others + 6 * blocks * targets))
+        return max(found)
+
+    @property
     def single_bits(self) -> int:
         """Bits of the synapses of counters, inhibitory neurons and relays, with their sign: as few as hold them, but 8
         where weights take 8, so that a core has no narrower format."""

@@ -46,6 +46,7 @@ not lava-vpr.
     python program/run.py --check              everything but the board: the files (without numpy or NxSDK), NxSDK
     python program/run.py --simulate --self-test 5  the registers in numpy, no board and no NxSDK needed
     python program/run.py --ladder FILE     self-tests from one neuron on; FILE is what to send back
+    .. --ways W,W                              other ways to ask the board, which --ladder finds and names
     python program/run.py --self-test          the reference images; counts must equal host/responses.npy
     python program/run.py --queries Q --out R  Q/rates.npy and Q/keys.npy in, R/counts.npy out; Q/biases.npy and
                                                Q/exponents.npy, if there are: biases of each query
@@ -64,6 +65,7 @@ temporary folder and their paths must be short: if TMPDIR has over 59 characters
     python program/run.py --check                 everything but the board
     python program/run.py --simulate --self-test  Lava's bit-accurate simulation, no board
     python program/run.py --ladder FILE        self-tests from one neuron on; FILE is what to send back
+    .. --ways W,W                                 other ways to ask the board, which --ladder finds and names
     python program/run.py --self-test             the reference images; counts must equal host/responses.npy
     python program/run.py --queries Q --out R     Q/rates.npy and Q/keys.npy in, R/counts.npy out; Q/biases.npy
                                                   and Q/exponents.npy, if there are: biases of each query

@@ -116,6 +116,12 @@ HOST: tuple[HardwareBelief, ...] = (
         rests=("Loihi 1",),
     ),
     _call(
+        "messages of one word, with --ways one-word",
+        "createChannel(.., 4 bytes, ..), write(words, list of words)",
+        "this way cures nothing",
+        f"{MODELS}nxsdk_modules_ncl/epl/src/multi_pattern_learning/epl_snips_utils.py:186-191",
+    ),
+    _call(
         "channel.probe",
         "probe(), true where a message is there; used only where there is such a method",
         "the host program waits without a time limit of its own",
@@ -215,6 +221,23 @@ EMBEDDED: tuple[HardwareBelief, ...] = (
         f"programs write whole cores by nx_fast_init64 and flush them ({CONTRIB}pelenet/pelenet/snips/reset.c:31-48), "
         "or V alone of one compartment, without a flush (wilkieolin/loihi_bandit at b53c071, management.c:100); none "
         "writes a CxState into one",
+        rests=("Loihi 1",),
+    ),
+    _embedded(
+        "cores are cleared as a whole, with --ways whole-cores or phases",
+        "nx_fast_init64(core->cx_state, n, 0), nx_fast_init32(core->cx_meta_state, n / 4, MetaState), then a flush",
+        "these ways cure nothing",
+        f"{CONTRIB}pelenet/pelenet/snips/reset.c:34-60",
+    ),
+    HardwareBelief(
+        "memory of an embedded processor",
+        "Loihi 1, embedded processor",
+        "limit",
+        Given("unknown"),
+        "bytes",
+        "the program does not link or load: the ladder's rung of tables finds it, and tries --ways masks",
+        None,
+        "no public text gives it; fit says what the tables of the program take",
         rests=("Loihi 1",),
     ),
     _embedded(

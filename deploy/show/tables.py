@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lava_vpr.deploy.boards.board import Board, public
+from lava_vpr.deploy.boards.board import Board, EmbeddedWrites, public
 from lava_vpr.deploy.boards.plan import CorePlan, Plan, PopulationPart
 from lava_vpr.show.numbers import UNKNOWN, figure, ranged
 from lava_vpr.show.table import Table
@@ -150,6 +150,13 @@ def summary(plan: Plan) -> list[str]:
     if board.known:
         lines.append(f"{board.known} Whether the network fits is unknown: it is beyond none of the public numbers.")
     lines.append(modelled_time(plan))
+    if isinstance(board.clearing, EmbeddedWrites):
+        most, masks = plan.embedded_tables
+        fewer = f" ({masks / 1024:,.1f} KiB with --ways masks)" if masks < most else ""
+        lines.append(
+            f"The embedded processors' tables take up to {most / 1024:,.1f} KiB{fewer}; how much memory they "
+            "have is not public."
+        )
     if plan.hops is not None:
         lines.append(f"Messages cross {plan.hops:.1f} tiles a step.")
     if network.bias_input:

@@ -107,8 +107,8 @@ def variable(name: str) -> str:
 
 _NOTES = logging.getLogger("lava_vpr")
 _OURS = "LAVA_VPR_"
-_OTHERS = {f"{_OURS}{name}" for name in ("DATA", "PEERS", "SANAFE")}
-"""Variables of the benchmarks and tests."""
+_OTHERS = {f"{_OURS}{name}" for name in ("DATA", "PEERS", "SANAFE", "WAYS")}
+"""Variables of the benchmarks and tests, and of the host programs in bundles."""
 
 
 def check_variables() -> None:

@@ -1,6 +1,7 @@
 """The command line of every host program."""
 
 import argparse
+import os
 
 
 def parser(board: str) -> argparse.ArgumentParser:
@@ -11,6 +12,11 @@ def parser(board: str) -> argparse.ArgumentParser:
     what.add_argument("--self-test", nargs="?", type=int, const=0, metavar="N", help="present the (first N) references")
     what.add_argument("--ladder", metavar="FILE", help="all self-tests, smallest first; write one file to send back")
     what.add_argument("--queries", metavar="DIR", help="folder with rates.npy and keys.npy")
+    what.add_argument("--attempts", help=argparse.SUPPRESS)  # the ladder's own child: tries rungs, into this folder
+    ways = os.environ.get("LAVA_VPR_WAYS", "")
+    own.add_argument(
+        "--ways", metavar="W,W", default=ways, help="other ways to ask the board, as --ladder says (LAVA_VPR_WAYS)"
+    )
     own.add_argument("--simulate", action="store_true", help="without a board")
     own.add_argument("--out", metavar="DIR", default="", help="folder for counts.npy, done.npy and status.json")
     own.add_argument("--batch", type=int, default=16, metavar="N", help="queries in one run of the board (16)")

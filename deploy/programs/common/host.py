@@ -1,20 +1,24 @@
 """What the host programs of all boards do alike: queries in, counts out, references compared, the ladder climbed."""
 
 import argparse
+import contextlib
+import json
 import os
 import signal
-from typing import Any, Dict, List, Type
+import sys
+from typing import Any, Dict, FrozenSet, Iterator, List, Sequence, Type
 
 import numpy as np
 
 from bundle_files import Bundle, array_of
 from command_line import parsed, parser
 from first_look import bundle_of
-from ladder import climb, kept, see_to
+from ladder import REFERENCES, Attempt, climb, kept, rows_of, say, see_to, versions
 from references import check_biases, check_queries, compare, fewest, first_places
 from refusals import Refused, interrupt
-from result_files import Results, fail
+from result_files import Results, fail, put
 from rungs import Rung, rungs
+from ways import OtherWay, chosen
 
 Arrays = Dict[str, np.ndarray]  # rates and keys of queries; biases and exponents, if they have any
 
@@ -23,8 +27,10 @@ class Host:
     """The network of a bundle, and how its board is asked. Each board has a class of its own, with title and target."""
 
     title = target = ""
+    ways: Sequence[OtherWay] = ()
 
     def __init__(self, bundle: Bundle, options: argparse.Namespace) -> None:
+        self.taken = chosen(options.ways, self.ways)
         self.bundle, self.options = bundle, options
         self.inputs, self.neurons = bundle.numbers("inputs", "neurons")
         if options.power and options.simulate:
@@ -61,6 +67,33 @@ class Host:
     def further(self) -> List[Rung]:
         """The rungs that this board has beside those of every board."""
         return []
+
+    def use(self, ways: FrozenSet[str]) -> None:
+        """Do all that follows in these ways."""
+        self.taken = ways
+
+    def plain(self) -> List[Rung]:
+        """The small networks that every board climbs."""
+        names = ("bits", "signed", "steps", "inhibition", "inhibition_exponent")
+        bits, signed, steps, size, exponent = self.bundle.numbers(*names)
+        return rungs(bits, bool(signed), size << exponent, steps)
+
+    def attempt(self, name: str, ways: FrozenSet[str]) -> dict:
+        """Try a rung in some ways; see `ladder.Attempt`."""
+        self.use(ways)
+        try:
+            if name in REFERENCES:
+                n = fewest(self.bundle.array("host/labels.npy")) if name == REFERENCES[0] else 0
+                return {"said": self_test(self, n)}
+            rung = next(rung for rung in self.plain() + self.further() if rung.name == name)
+            return {"found": np.asarray(self.ask(rung)).tolist()}
+        except Refused as error:
+            return {"error": str(error), "output": error.output or error.details}
+
+    @contextlib.contextmanager
+    def attempts(self) -> Iterator[Attempt]:
+        """What tries rungs."""
+        yield self.attempt
 
 
 def load_queries(folder: str, inputs: int, neurons: int) -> Arrays:
@@ -110,24 +143,33 @@ def self_test(host: Host, n: int) -> str:
     return compare(results.counts, labels[:n], places, responses)
 
 
-def ladder(host: Host, found: Dict[str, Any]) -> str:
+def ladder(host: Host) -> str:
     """Climb the ladder of self-tests, and write the file; what was found.
 
     Raises:
-        Refused: a rung failed, or the file cannot be written.
+        Refused: a rung failed, something is missing, or the file cannot be written.
     """
     see_to(host.options.ladder)
-    bits, signed, steps, size, exponent = host.bundle.numbers(
-        "bits", "signed", "steps", "inhibition", "inhibition_exponent"
-    )
-    climbed = rungs(bits, bool(signed), size << exponent, steps) + host.further()
-    references = {
-        "one reference": lambda: self_test(host, fewest(host.bundle.array("host/labels.npy"))),
-        "all references": lambda: self_test(host, 0),
-    }
     about = {"board": host.title, "bundle": host.bundle.manifest["sha256"], "simulated": host.options.simulate}
-    report = climb(climbed, host.ask, (steps, host.silent()), references, dict(about, **found))
+    report: Dict[str, Any] = dict(about, versions=versions())
+    try:
+        report.update(host.require())
+    except Refused as error:
+        row = {"name": "software", "proves": "what the board needs is here", "passed": False, "error": str(error)}
+        say(dict(row, failure="no rung can be tried before"))
+        report.update(passed=False, ways=[], rungs=[row])
+    else:
+        rows = rows_of(host.plain() + host.further(), (host.bundle.numbers("steps")[0], host.silent()))
+        with host.attempts() as attempt:
+            report.update(climb(rows, attempt, host.ways, host.taken))
     return kept(host.options.ladder, report)
+
+
+def serve(host: Host) -> None:
+    """Make the attempts that are asked for on stdin, a line each: number, rung, ways; answers go into a folder."""
+    for line in sys.stdin:
+        number, name, ways = json.loads(line)
+        put(os.path.join(host.options.attempts, "{}.json".format(number)), host.attempt(name, frozenset(ways)))
 
 
 def main(kind: Type[Host], program: str, words: list) -> int:
@@ -140,11 +182,15 @@ def main(kind: Type[Host], program: str, words: list) -> int:
         if options.check:
             print(bundle.intact(), flush=True)
         host = kind(bundle, options)
-        found = host.require()
+        host.use(host.taken)
+        if options.ladder:
+            print(ladder(host))
+            return 0
+        host.require()
         if options.check:
             print(host.ready())
-        elif options.ladder:
-            print(ladder(host, found))
+        elif options.attempts:
+            serve(host)
         else:
             print(answer(host) if options.queries is not None else self_test(host, options.self_test))
         return 0

@@ -2,57 +2,83 @@
 
 import os
 import platform
-from typing import Callable, Dict, List
+from typing import Callable, Dict, FrozenSet, Iterable, List, Sequence
 
 import numpy as np
 
 from refusals import Refused
 from result_files import put
 from rungs import Rung, expected
+from ways import OtherWay, tries
 
-Ask = Callable[[Rung], np.ndarray]  # presents a rung's network; the counts, (presentations, neurons)
+Attempt = Callable[[str, FrozenSet[str]], dict]
+"""Tries a rung, by its name, in some ways: "found" has counts (presentations, neurons), "said" what was compared,
+"error" why there is neither; "output" is what was printed."""
+REFERENCES = ("one reference", "all references")
 
 
-def climb(rungs: List[Rung], ask: Ask, shape: tuple, references: Dict[str, Callable[[], str]], about: dict) -> dict:
-    """Ask for every rung, whatever becomes of the others, and say what was found.
+def rows_of(rungs: List[Rung], shape: tuple) -> List[dict]:
+    """A row for every rung, which `climb` fills in; ``shape``: steps with input and silent ones of a presentation."""
+    rows = []
+    for rung in rungs:
+        counts = [expected(rung, *shape)] * rung.presentations
+        rows.append({"name": rung.name, "proves": rung.proves, "failure": rung.failure, "expected": counts})
+    proves, failure = "the whole network of the bundle counts as the host does", "see the first rung that failed"
+    return rows + [
+        {"name": name, "proves": proves, "failure": failure + "; if none, size matters"} for name in REFERENCES
+    ]
 
-    Args:
-        rungs: The small networks.
-        ask: Presents one.
-        shape: Steps with input and silent ones of a presentation.
-        references: What is asked of the bundle's own network, by name: text, or Refused.
-        about: What else the file says: board, bundle, versions.
+
+def climb(rows: List[dict], attempt: Attempt, ways: Sequence[OtherWay], taken: FrozenSet[str]) -> dict:
+    """Try every rung, whatever becomes of the others, and say what was found.
+
+    A rung that fails is tried in other ways; the first that cures it is kept for all that follow.
     """
     found: List[dict] = []
-    for rung in rungs:
-        wanted = expected(rung, *shape)
-        row: dict = {"name": rung.name, "proves": rung.proves, "expected": [wanted] * rung.presentations}
-        try:
-            row["found"] = np.asarray(ask(rung)).tolist()
-            row["passed"] = row["found"] == row["expected"]
-        except Refused as error:
-            row.update(passed=False, found=None, error=str(error))
-        found.append(row if row["passed"] else dict(row, failure=rung.failure))
-        say(found[-1])
-    for name, present in references.items():
-        row = {"name": name, "proves": "the whole network of the bundle counts as the host does"}
-        try:
-            row.update(said=present(), passed=True)
-        except Refused as error:
-            row.update(said=str(error), passed=False, failure="see the first rung that failed; if none, size matters")
-        found.append(row)
-        say(row)
-    versions = {"python": platform.python_version(), "numpy": np.__version__, "machine": platform.platform()}
-    return {"passed": all(row["passed"] for row in found), "rungs": found, "versions": versions, **about}
+    for row in rows:
+        tried: List[dict] = []
+        several = tries(ways, row["name"], taken)
+        for more in several:
+            result = dict(attempt(row["name"], taken | more), ways=sorted(taken | more))
+            result["passed"] = "said" in result or ("found" in result and result["found"] == row["expected"])
+            tried.append(result)
+            if result["passed"]:
+                taken |= more
+                break
+            if len(several) > 1:
+                line = "tried   {}{}: {}".format(row["name"], with_ways(taken | more), reason(row, result))
+                print(line, flush=True)
+        last = tried[-1] if tried[-1]["passed"] else tried[0]
+        done = {"found": None, **row, **last, "tried": [x for x in tried if x is not last]}
+        if done["passed"]:
+            del done["failure"]
+        found.append(done)
+        say(done)
+    return {"passed": all(row["passed"] for row in found), "ways": sorted(taken), "rungs": found}
+
+
+def versions() -> Dict[str, str]:
+    """Of what every host program runs on."""
+    return {"python": platform.python_version(), "numpy": np.__version__, "machine": platform.platform()}
+
+
+def reason(row: dict, result: dict) -> str:
+    """Why an attempt did not pass."""
+    return result.get("error") or "counts {} instead of {}".format(result.get("found"), row.get("expected"))
+
+
+def with_ways(ways: Iterable[str]) -> str:
+    """The ways of an attempt, in words; nothing if there are none."""
+    return " with " + " and ".join(sorted(ways)) if ways else ""
 
 
 def say(row: dict) -> None:
     """A line about a rung."""
+    ways = with_ways(row.get("ways", ()))
     if row["passed"]:
-        text = "ok      {}: {}".format(row["name"], row.get("said") or row["proves"])
+        text = "ok      {}{}: {}".format(row["name"], ways, row.get("said") or row["proves"])
     else:
-        why = row.get("error") or row.get("said") or "counts {} instead of {}".format(row["found"], row["expected"])
-        text = "FAILED  {}: {}; {}".format(row["name"], why, row["failure"])
+        text = "FAILED  {}{}: {}; {}".format(row["name"], ways, reason(row, row), row["failure"])
     print(" ".join(text.split()), flush=True)
 
 
@@ -85,10 +111,9 @@ def kept(path: str, report: dict) -> str:
         put(path, report)
     except OSError as error:
         raise unwritten(path, error) from None
-    failed = [row["name"] for row in report["rungs"] if not row["passed"]]
+    failed, n = [row["name"] for row in report["rungs"] if not row["passed"]], len(report["rungs"])
+    also = "; from now on use --ways " + ",".join(report["ways"]) if report["ways"] else ""
     if failed:
-        raise Refused(
-            "result",
-            "{} of {} rungs failed, first {}; send {}".format(len(failed), len(report["rungs"]), failed[0], path),
-        )
-    return "all {} rungs hold; send {}".format(len(report["rungs"]), path)
+        text = "{} of {} rungs failed, first {}; send {}{}".format(len(failed), n, failed[0], path, also)
+        raise Refused("result", text)
+    return "all {} rungs hold; send {}{}".format(n, path, also)

@@ -2,7 +2,10 @@
 
 
 class Refused(Exception):
-    """What is wrong, in one line. `stage` is bundle, input, missing, start, run or result; `details` is a traceback."""
+    """What is wrong, in one line. `stage` is bundle, input, missing, start, run or result; `details` is a traceback,
+    `output` what the vendor's software wrote."""
+
+    output = ""
 
     def __init__(self, stage: str, text: str, details: str = "") -> None:
         super().__init__(" ".join(text.split()))

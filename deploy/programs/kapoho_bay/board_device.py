@@ -107,6 +107,8 @@ class Device:
         for i, threshold in enumerate(registers["vthProfileCfg"]):
             own.vthProfileCfg[i].staticCfg.configure(**threshold)
         for i, form in enumerate(registers["synapseFmt"]):
+            if form and form["idxBits"] and "compression-3" in self.network.ways:
+                form = dict(form, compression=3)
             for name, value in sorted((form or {}).items()):
                 setattr(own.synapseFmt[i], name, value)
         own.dendriteSharedCfg.configure(**registers["dendriteSharedCfg"])

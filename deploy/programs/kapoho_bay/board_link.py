@@ -53,10 +53,11 @@ class Link:
             lmtId=0,
             chipId=device.board.n2Chips[chip].id,
         )
-        made = [
-            device.board.createChannel(name.encode(), numElements=WORDS, messageSize=MESSAGE_BYTES, slack=SLACK)
-            for name in channel_names(chip)
-        ]
+        ways = self.network.ways
+        each = WORDS if "one-word" in ways else 1  # messages of a packet
+        self.counted = WORDS if "count-words" in ways else each  # what NxSDK counts of a packet
+        size = {"numElements": WORDS, "messageSize": MESSAGE_BYTES // each, "slack": SLACK * each}
+        made = [device.board.createChannel(name.encode(), **size) for name in channel_names(chip)]
         self.channel, self.back = made
         self.channel.connect(None, snip)
         self.back.connect(snip, None)
@@ -66,7 +67,7 @@ class Link:
         numbers = range(first_number, first_number + len(payloads))
         packets = packed((kind, self.device.run_number, query), numbers, payloads, words)
         if len(packets):
-            self.channel.write(len(packets), packets.reshape(-1).tolist())
+            self.channel.write(len(packets) * self.counted, packets.reshape(-1).tolist())
 
     def begin(self, queries: int, first: int) -> None:
         """Announce a run."""
@@ -97,7 +98,7 @@ class Link:
             if time.monotonic() > deadline:
                 raise Refused("run", f"{where}: the chip does not answer in time; a packet was lost, or it stopped")
             time.sleep(0.0002)
-        packet = np.array(self.back.read(1), dtype=np.int64).astype(np.int32)
+        packet = np.array(self.back.read(self.counted), dtype=np.int64).astype(np.int32)
         if packet.shape != (WORDS,) or packet[SUM] != checksums(packet[None])[0]:
             raise Refused("run", f"{where}: a packet from the chip is damaged")
         if packet[KIND] == MAGIC + FAULT:

@@ -1,6 +1,7 @@
 """The network in the bundle as the board and this program need it: tables, registers, synapses unpacked."""
 
 import re
+from typing import FrozenSet
 
 import numpy as np
 
@@ -80,6 +81,8 @@ class Network:
         except (KeyError, TypeError, ValueError):
             raise Refused("bundle", bundle.folder + ": its manifest has no limit of host spikes; " + AGAIN) from None
         self.adapted = False  # whether each query brings biases of its own
+        self.ways: FrozenSet[str] = frozenset()  # names in board_ways.py
+        self.ballast = 0  # bytes of a table that fills a chip's program up
         folders = sorted({name.rsplit("/", 1)[0] for name in bundle.files if name.startswith("cores/")})
         self.cores = [Core(bundle, folder) for folder in folders]
         self.exc, self.counters = bundle.array("host/exc.npy"), bundle.array("host/counters.npy")

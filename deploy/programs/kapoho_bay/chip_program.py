@@ -2,11 +2,14 @@
 
 import json
 import os
+import re
 from typing import Callable
 
 import numpy as np
 
 from board_network import COUNTER_UNIT, Network
+from packets import WORDS
+from refusals import Refused
 
 NO_AXON = 0xFFFF
 
@@ -59,7 +62,12 @@ def header(network: Network, chip: int, core_id: Callable[[int], int]) -> str:
         "SOURCES": len(sources),
         "SOURCE_CORES": len(source_cores),
         "TARGET_CORES": len(targets),
+        "COMPARTMENTS": 4 * max(-(-len(core.compartments) // 4) for core in network.cores),
+        "MESSAGES": WORDS if "one-word" in network.ways else 1,
+        "BALLAST": network.ballast // 2,
     }
+    for way in ("fields", "whole-cores", "phases", "masks"):
+        numbers[way.upper().replace("-", "_")] = int(way in network.ways)
     place = "struct { uint16_t core, compartment; }"
     lines = [f"/* Written by run.py for chip {chip}. */", '#include <stdint.h>\n#include "nxsdk.h"']
     lines += [f"#define LV_{name} ({value})" for name, value in numbers.items()]
@@ -69,8 +77,43 @@ def header(network: Network, chip: int, core_id: Callable[[int], int]) -> str:
         lines += [table(place, name + "_places", [(core_id(core), cx) for core, cx in places.tolist()])]
     for name, cores in (("exc", exc_cores), ("source", source_cores), ("target", targets)):
         lines += [table("uint16_t", name + "_cores", [core_id(core) for core in cores])]
-    lines += [table("uint16_t", "target_axons", axons.tolist(), f"[{axons.shape[1]}]")]
+    lines += _targets(axons, "masks" in network.ways)
+    if network.ballast:
+        words = [0] * (network.ballast // 2 - 1) + [network.fingerprint & 0x7FFF]
+        lines += [table("uint16_t", "ballast", words).replace("static const", "static const volatile")]
     return "\n".join([*lines, "#endif", ""])
+
+
+def _targets(axons: np.ndarray, masks: bool) -> list:
+    """The axon on each core that an input's spikes go to, (inputs, cores): as it is, or a bit an input and the axon
+    that each 32 inputs begin with.
+
+    Raises:
+        Refused: axons do not follow each other as inputs do, so that bits do not say them.
+    """
+    inputs, cores = axons.shape
+    if not masks:
+        return [table("uint16_t", "target_axons", axons.tolist(), f"[{cores}]")]
+    blocks = max(1, -(-inputs // 32))
+    padded = np.full((32 * blocks, cores), NO_AXON)
+    padded[:inputs] = axons
+    there = (padded != NO_AXON).reshape(blocks, 32, cores)
+    firsts = np.where(there.any(axis=1), padded.reshape(blocks, 32, cores).min(axis=1), 0)
+    said = firsts[:, None] + there.cumsum(axis=1) - there
+    if (said != padded.reshape(blocks, 32, cores))[there].any():
+        raise Refused("input", "input axons of a core are not in the order of inputs; leave out --ways masks")
+    words = (there * (1 << np.arange(32, dtype=np.int64))[:, None]).sum(axis=1)
+    return [
+        table("uint32_t", "target_masks", words.T.tolist(), f"[{blocks}]"),
+        table("uint16_t", "target_firsts", firsts.T.tolist(), f"[{blocks}]"),
+    ]
+
+
+def table_bytes(network: Network, chip: int) -> int:
+    """Bytes that the tables of a chip's program take."""
+    text = header(network, chip, lambda core: core)
+    numbers = [(kind, len(re.findall(r"\d+", values))) for kind, values in re.findall(r"const (\S+) .* = (.*);", text)]
+    return sum((4 if kind == "uint32_t" else 2) * count for kind, count in numbers)
 
 
 def table(kind: str, name: str, rows: list, inner: str = "") -> str:

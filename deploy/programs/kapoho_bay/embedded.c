@@ -19,10 +19,13 @@
  * then on packets are read but not used, and at its end the host gets FAULT packets in place of READY or COUNTS. Counts
  * are never sent after a fault, so a lost or misplaced packet cannot turn into wrong numbers or zeros.
  *
+ * What no public program shows in just this form has another in the same place, behind #if: the host program's --ways.
+ *
  * All names of this file begin with lv_, as NxSDK's header, which is not public, may have any other.
  */
 
 #include <stdint.h>
+#include <string.h>
 
 #define LV_EMBEDDED_TABLES
 #include "embedded.h"
@@ -106,7 +109,7 @@ static int lv_same(int32_t kind, int32_t expected, int32_t found)
 /* Wait for the next packet; whether it is the expected one and this query is still sound. The run is known by BEGIN. */
 static int lv_take(int32_t kind, int32_t number, int32_t longest)
 {
-    readChannel(lv_to_chip, lv_packet, 1);
+    readChannel(lv_to_chip, lv_packet, LV_MESSAGES);
     if (lv_fault != LV_SOUND || !lv_same(LV_BAD_SUM, lv_checksum(lv_packet), lv_packet[LV_SUM]) ||
         !lv_same(LV_BAD_KIND, LV_MAGIC + kind, lv_packet[LV_KIND]) ||
         (kind != LV_BEGIN && !lv_same(LV_BAD_RUN, lv_run, lv_packet[LV_RUN])) ||
@@ -128,7 +131,7 @@ static void lv_give(int32_t kind, int32_t number, int32_t length)
     lv_packet[LV_NUMBER] = number;
     lv_packet[LV_LENGTH] = length;
     lv_packet[LV_SUM] = lv_checksum(lv_packet);
-    writeChannel(lv_from_chip, lv_packet, 1);
+    writeChannel(lv_from_chip, lv_packet, LV_MESSAGES);
 }
 
 static void lv_empty_packet(void)
@@ -176,15 +179,40 @@ static void lv_flush_sources(void)
     }
 }
 
+static void lv_set_state(int core, int compartment, int32_t membrane)
+{
+    NeuronCore *own = lv_neuron_core(core);
+#if LV_FIELDS /* the way "fields" */
+    own->cx_state[compartment].U = 0;
+    own->cx_state[compartment].V = membrane;
+#else
+    own->cx_state[compartment] = (CxState){.U = 0, .V = membrane};
+#endif
+}
+
 /* Membranes of neurons and counters to 0, which stand on the same cores; currents have no memory; inhibitory neurons and
  * relays are at 0 by the last silent step. */
 static void lv_clear(void)
 {
-    for (int i = 0; i < LV_EXC; i++) {
-        lv_neuron_core(lv_exc_places[i].core)->cx_state[lv_exc_places[i].compartment] = (CxState){.U = 0, .V = 0};
-        lv_neuron_core(lv_counter_places[i].core)->cx_state[lv_counter_places[i].compartment] =
-            (CxState){.U = 0, .V = 0};
+#if LV_WHOLE_CORES /* the way "whole-cores": as pelenet's reset.c; what else stands there is at 0, or is set after */
+    for (int i = 0; i < LV_EXC_CORES; i++) {
+        nx_fast_init64(lv_neuron_core(lv_exc_cores[i])->cx_state, LV_COMPARTMENTS, 0);
     }
+#else
+    for (int i = 0; i < LV_EXC; i++) {
+        lv_set_state(lv_exc_places[i].core, lv_exc_places[i].compartment, 0);
+        lv_set_state(lv_counter_places[i].core, lv_counter_places[i].compartment, 0);
+    }
+#endif
+#if LV_PHASES /* the way "phases": as there, too */
+    MetaState idle = {.Phase0 = 2, .SomaOp0 = 3, .Phase1 = 2, .SomaOp1 = 3,
+                      .Phase2 = 2, .SomaOp2 = 3, .Phase3 = 2, .SomaOp3 = 3};
+    uint32_t word;
+    memcpy(&word, &idle, sizeof word);
+    for (int i = 0; i < LV_EXC_CORES; i++) {
+        nx_fast_init32(lv_neuron_core(lv_exc_cores[i])->cx_meta_state, LV_COMPARTMENTS / 4, word);
+    }
+#endif
     lv_flush_exc();
 }
 
@@ -211,8 +239,7 @@ static void lv_silence(void)
 static void lv_set_source(int i, const int32_t *words)
 {
     lv_set_bias(i, words[0]);
-    lv_neuron_core(lv_source_places[i].core)->cx_state[lv_source_places[i].compartment] =
-        (CxState){.U = 0, .V = words[1]};
+    lv_set_state(lv_source_places[i].core, lv_source_places[i].compartment, words[1]);
 }
 
 /* The biases of this query's excitatory neurons: mantissa (12 bits and sign) and exponent (3 bits) in a word. */
@@ -258,6 +285,21 @@ static void lv_set_up(void)
     lv_take_biases();
 }
 
+/* The input axon of a target core that an input's spikes go to, or LV_NO_AXON. */
+static uint16_t lv_axon(int input, int target)
+{
+#if LV_MASKS /* the way "masks": a bit an input; an input's axon is behind those of the inputs before it */
+    uint32_t mask = lv_target_masks[target][input / 32], before = mask & ((1u << input % 32) - 1);
+    uint16_t axon = lv_target_firsts[target][input / 32];
+    for (; before != 0; before &= before - 1) {
+        axon++;
+    }
+    return mask >> input % 32 & 1 ? axon : LV_NO_AXON;
+#else
+    return lv_target_axons[input][target];
+#endif
+}
+
 /* Spikes of this step, to every core of this chip with a synapse or the relay of the input. They are felt in the next
  * step. */
 static void lv_inject(runState *s)
@@ -272,9 +314,9 @@ static void lv_inject(runState *s)
             return;
         }
         for (int core = 0; core < LV_TARGET_CORES; core++) {
-            if (lv_target_axons[input][core] != LV_NO_AXON) {
-                nx_send_discrete_spike(
-                    (uint16_t)s->time_step, (CoreId){.id = lv_target_cores[core]}, lv_target_axons[input][core]);
+            uint16_t axon = lv_axon(input, core);
+            if (axon != LV_NO_AXON) {
+                nx_send_discrete_spike((uint16_t)s->time_step, (CoreId){.id = lv_target_cores[core]}, axon);
             }
         }
         lv_received++;
@@ -311,6 +353,9 @@ static void lv_begin_run(void)
         lv_query = lv_packet[LV_SECOND];
         lv_left = lv_packet[LV_FIRST];
     }
+#if LV_BALLAST /* a rung loads tables as large as the bundle's: they must be there */
+    lv_same(LV_BAD_BUNDLE, LV_FINGERPRINT & 0x7fff, lv_ballast[LV_BALLAST - 1]);
+#endif
     if (lv_fault != LV_SOUND) {
         lv_left = 0;
         lv_give_fault(0);

@@ -9,6 +9,7 @@
                                              Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out;
                                              if there are, Q/biases.npy int32 (n, neurons) and Q/exponents.npy int32
                                              (n,): mantissas and exponent of each query's biases
+    .. --ways W,W                            other ways to ask NxSDK, which --ladder finds and names (LAVA_VPR_WAYS)
     .. --power P                             and P, JSON: power in mW and time, all queries in one run
     .. --simulate                            the registers in numpy, without a board and without NxSDK
 
@@ -23,11 +24,12 @@ word unproven.
 """
 
 import argparse
+import contextlib
 import os
 import sys
 import time
 import traceback
-from typing import Any, Callable, Dict, List
+from typing import Any, Callable, Dict, FrozenSet, Iterator, List
 
 sys.dont_write_bytecode = True  # nothing is added to the bundle
 try:
@@ -39,15 +41,18 @@ try:
 
     import board_power
     import host
+    from attempts import Attempts
     from board_device import Device, check_environment, load_nxsdk
     from board_input import Query
     from board_network import Network
+    from board_ways import WAYS
     from bundle_files import Bundle
+    from ladder import Attempt
     from refusals import Refused, told
     from result_files import Results, put
     from rungs import Rung
     from simulated import Simulation
-    from small_network import format_rungs, formats_of, small_network, small_queries
+    from small_network import format_rungs, formats_of, small_network, small_queries, tables_rung
     from watchdog import GRACE, Watchdog
 except Exception as damage:
     place = os.path.dirname(os.path.abspath(__file__))
@@ -57,7 +62,7 @@ except Exception as damage:
 class KapohoBay(host.Host):
     """The network of a bundle on the board, or its registers in numpy."""
 
-    title, target = "Kapoho Bay", "kapoho-bay"
+    title, target, ways = "Kapoho Bay", "kapoho-bay", WAYS
 
     def __init__(self, bundle: Bundle, options: argparse.Namespace) -> None:
         super().__init__(bundle, options)
@@ -110,7 +115,20 @@ class KapohoBay(host.Host):
         bits, signed, size, exponent = self.bundle.numbers("bits", "signed", "inhibition", "inhibition_exponent")
         self.forms = formats_of(self.network)
         self.own = format_rungs(self.forms, bits, bool(signed), size << exponent)
-        return [rung for rung, _ in self.own.values()]
+        return [rung for rung, _ in self.own.values()] + [tables_rung(bits)]
+
+    def use(self, ways: FrozenSet[str]) -> None:
+        """The network that is configured knows them."""
+        self.network.ways = ways
+
+    @contextlib.contextmanager
+    def attempts(self) -> Iterator[Attempt]:
+        """In a process of their own: NxSDK's calls have no time limits, and one that hangs costs one attempt."""
+        if self.options.simulate:
+            yield self.attempt
+            return
+        with Attempts(os.path.join(self.bundle.folder, "program", "run.py"), self.options) as attempts:
+            yield attempts
 
     def ask(self, rung: Rung) -> np.ndarray:
         """On one core."""

@@ -6,12 +6,14 @@ from typing import Any, Dict, List, NamedTuple, Optional
 import numpy as np
 
 from board_network import COUNTER_UNIT, INDEX_CODES, REGISTER_BITS, WEIGHT_CODES, Network
+from chip_program import table_bytes
 from refusals import Refused
 from rungs import Rung
 
 RELAY, KEEP, FORGET, HIGHEST = COUNTER_UNIT >> 6, 0, 4095, (1 << 17) - 1
 EXC, COUNTED, INH = range(3)  # profiles and thresholds
 DENSE, DENSE_ROWS = 3, "rows without indices"  # value of the register compression, and the rung's name
+TABLES = "tables"
 
 
 class Forms(NamedTuple):
@@ -160,6 +162,8 @@ def small_network(network: Network, forms: Forms, rung: Rung, own: Optional[dict
         bias_input=False,
         adapted=False,
         host_spikes=network.host_spikes,
+        ways=network.ways,
+        ballast=max(table_bytes(network, chip) for chip in network.chips) if rung.name == TABLES else 0,
         cores=[core],
         of={(0, 0): core},
         chips=[0],
@@ -168,6 +172,14 @@ def small_network(network: Network, forms: Forms, rung: Rung, own: Optional[dict
         sources=places[:0],
         injection=np.array([[i, 0, 0, i] for i in range(inputs)], np.int32),
     )
+
+
+def tables_rung(bits: int) -> Rung:
+    """The rung of a program as large as the bundle's."""
+    top = (1 << bits) - 1
+    proves = "the embedded processors hold tables as large as this bundle's largest"
+    failure = "their memory is too small: deploy fewer places, or with --input-mode bias, which has no such tables"
+    return Rung(TABLES, proves, failure, [[top]], [True], 3 * top - 1, 0, 0, 1)
 
 
 def small_queries(network: Any, rung: Rung) -> list:

@@ -188,11 +188,15 @@ class Player:
             self.spikes = shared((batch * interval, inputs), np.uint8)
             self.source: Any = globals()["Spikes"](self.spikes, self.first)
         else:  # a Var cannot be set before the first step, so the first query's values are those it begins with
-            self.source = LIF(shape=(inputs,), **self.registers(0), **self.inputs)
+            begin = {"bias_mant": 0, "bias_exp": 0, "v": 0} if options["scalars"] else self.registers(0)
+            self.source = LIF(shape=(inputs,), **begin, **self.inputs)
         counter = globals()["Counter"](self.counts, interval, self.seen)
         pairs = zip(arrays.get("biases", ()), arrays.get("exponents", ()), strict=True)
         self.biases = [{"bias_mant": row, "bias_exp": np.full_like(row, exponent)} for row, exponent in pairs]
         bias = self.biases[0] if self.biases else {"bias_mant": arrays["bias"]}
+        if options["scalars"]:
+            bias, own = {"bias_mant": 0}, [bias] * len(self.rates) if arrays["bias"].any() else []
+            self.biases = self.biases or own
         self.exc = wire(weights, bias, parameters, (self.source, counter), self.simulate)
         if not self.simulate:
             start_board(counter, self.profiler.callbacks if self.profiler else [])
@@ -238,7 +242,7 @@ class Player:
                 # Phases are below the threshold, so in the silent steps nothing spikes, and one pause is enough.
                 write(self.source, self.registers(following, self.silent))
             self.go(self.silent)
-            if self.biases:
+            if self.biases and query < following:
                 write(self.exc, self.biases[following])
         if self.seen[0] != end * interval:
             raise Refused(

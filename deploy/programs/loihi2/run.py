@@ -8,6 +8,7 @@
                                              Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out;
                                              if there are, Q/biases.npy int32 (n, neurons) and Q/exponents.npy int32
                                              (n,): mantissas and exponent of each query's biases
+    .. --ways W,W                            other ways to ask Lava, which --ladder finds and names (LAVA_VPR_WAYS)
     .. --power P                             and P, JSON: power in mW and time, all queries in one run
 
 With --simulate no board is needed. R/counts.npy holds -1 in every row that was not answered, R/done.npy says which
@@ -39,20 +40,22 @@ try:
     import host
     from bundle_files import Bundle
     from lava_network import VENDOR
+    from lava_ways import INJECTED, WAYS
     from lava_worker import work
     from lifetime import keep
     from refusals import Refused
     from result_files import Results
     from rungs import Rung
-    from small_network import small_network
+    from small_network import FEW, in_mode, small_network
     from worker_process import GRACE, run
 except Exception as damage:
     place = os.path.dirname(os.path.abspath(__file__))
     sys.exit(f"{place}: is damaged ({damage}); deploy the model again or fetch an intact copy")
 
 
-def require(simulate: bool) -> str:
-    """See that Lava, and for the board the vendor's part and a host, are here; what was found."""
+def require(simulate: bool, any_lava: bool = False) -> str:
+    """See that Lava, in this version but with ``any_lava``, and for the board the vendor's part and a host, are here;
+    what was found."""
     if sys.version_info[:2] != (3, 10):
         found = ".".join(map(str, sys.version_info[:3]))
         raise Refused("missing", f"lava-nc 0.10 needs Python 3.10, this is {found}; run this program with Python 3.10")
@@ -60,8 +63,9 @@ def require(simulate: bool) -> str:
         version = importlib.metadata.version("lava-nc")
     except importlib.metadata.PackageNotFoundError:
         raise Refused("missing", "lava-nc is not installed: pip install lava-nc==0.10.*") from None
-    if version.split(".")[:2] != ["0", "10"]:
-        raise Refused("missing", f"lava-nc {version} is installed, 0.10 is needed: pip install lava-nc==0.10.*")
+    if version.split(".")[:2] != ["0", "10"] and not any_lava:
+        remedy = "pip install lava-nc==0.10.*, or --ways any-lava"
+        raise Refused("missing", f"lava-nc {version} is installed, 0.10 is needed: {remedy}")
     if simulate:
         return f"lava-nc {version}, simulated"
     if importlib.util.find_spec("lava.utils.loihi2_profiler") is None:
@@ -74,11 +78,13 @@ def require(simulate: bool) -> str:
 class Loihi2(host.Host):
     """The network of a bundle in Lava, on the board or simulated."""
 
-    title, target = "Loihi 2", "loihi2"
+    title, target, ways = "Loihi 2", "loihi2", WAYS
 
     def __init__(self, bundle: Bundle, options: argparse.Namespace) -> None:
-        super().__init__(bundle, options)
         self.parameters = bundle.json("network/parameters.json")
+        if self.parameters["inputs"] is not None:
+            self.ways = [INJECTED, *WAYS]
+        super().__init__(bundle, options)
 
     def require(self) -> dict[str, Any]:
         """See to Lava, and that power can be measured, which is done over one run."""
@@ -88,11 +94,12 @@ class Loihi2(host.Host):
                 "--power needs all queries in one run, but the inputs of this bundle integrate biases that are written "
                 "between runs; deploy the model with --input-mode injected, and measure that bundle",
             )
-        return {"lava": require(self.options.simulate)}
+        any_lava = "any-lava" in self.taken or bool(self.options.ladder)  # a ladder finds out what another version does
+        return {"lava": require(self.options.simulate, any_lava)}
 
     def ready(self) -> str:
         """There is no more to see to."""
-        return f"ready: {self.neurons} neurons, {self.inputs} inputs; {require(self.options.simulate)}"
+        return f"ready: {self.neurons} neurons, {self.inputs} inputs; {self.require()['lava']}"
 
     def present(self, arrays: host.Arrays, results: Results) -> None:
         """Present all queries in a process of its own."""
@@ -102,7 +109,30 @@ class Loihi2(host.Host):
                 "--power needs all queries in one run, which biases of each query interrupt; leave out biases.npy",
             )
         network = {name: self.bundle.array(f"network/{name}.npy") for name in ("weights", "bias")}
-        run(self.parameters, network | arrays, self.options, results)
+        self._run(self.parameters, network | arrays, results)
+
+    def _run(self, parameters: dict[str, Any], arrays: host.Arrays, results: Results) -> None:
+        """Present all queries, in the ways that are taken."""
+        if "injected" in self.taken:
+            parameters = in_mode(parameters, bias=False)
+        every = [arrays]
+        if "fresh" in self.taken and self.options.power:
+            raise Refused("input", "--power needs all queries in one run; leave out --ways fresh")
+        if "fresh" in self.taken:
+            queries = ("rates", "keys", "biases", "exponents")
+            every = [
+                {name: array[i : i + 1] if name in queries else array for name, array in arrays.items()}
+                for i in range(len(arrays["keys"]))
+            ]
+        first = 0
+        for given in every:
+            run(parameters, given, self.options, results, first, "scalars" in self.taken)
+            first += len(given["keys"])
+
+    def further(self) -> list[Rung]:
+        """Some rungs in the other input mode, whichever the bundle has."""
+        other = "injected" if self.parameters["inputs"] else "integrated biases"
+        return [rung._replace(name=f"{rung.name}, {other}") for rung in self.plain() if rung.name in FEW]
 
     def silent(self) -> int:
         """As the parameters have it."""
@@ -111,7 +141,9 @@ class Loihi2(host.Host):
     def ask(self, rung: Rung) -> Any:
         """With Lava's library, in the bundle's own parameters."""
         results = Results(rung.presentations, len(rung.weights[0]))
-        run(*small_network(self.parameters, rung), self.options, results)
+        other = in_mode(self.parameters, bias=not self.parameters["inputs"])
+        parameters = other if "," in rung.name else self.parameters
+        self._run(*small_network(parameters, rung), results)
         return results.counts
 
 

@@ -10,7 +10,17 @@ from input_draws import draw_spikes
 from lava_network import Arrays
 from rungs import Rung
 
+LEVEL, KEEPS_NOTHING = 8000 << 6, 4095  # threshold of inputs that integrate a bias, in units of v; their du
+FEW = ("one neuron", "one axon", "reset")
+"""Rungs that are climbed in both input modes."""
 ALWAYS = 65535  # of 65536: an input that integrates this bias spikes in every step
+
+
+def in_mode(parameters: dict[str, Any], bias: bool) -> dict[str, Any]:
+    """The network of ``parameters`` with inputs that integrate a bias, or whose spikes are injected; these are the same
+    where they are regular."""
+    inputs = {"du": KEEPS_NOTHING, "dv": 0, "vth": LEVEL >> 6} if bias else None
+    return parameters | {"inputs": inputs, "level": LEVEL}
 
 
 def small_network(parameters: dict[str, Any], rung: Rung) -> tuple[dict[str, Any], Arrays]:

@@ -26,6 +26,7 @@ from refusals import Refused
 from result_files import Results, put
 
 LOOK, GRACE, START_SECONDS = 0.02, 3.0, 600.0  # seconds; Intel's compiler may take minutes
+KEPT = 4000  # characters of what a run that failed wrote
 SLOWEST, FOLDER_LIMIT = 40.0, 75  # steps a second; bytes, as Lava adds 32 and a socket's path holds 107
 
 
@@ -66,7 +67,14 @@ def started(folder: Path) -> Iterator[subprocess.Popen[bytes]]:
         lifetime.clear(folder, worker.wait())
 
 
-def run(parameters: dict[str, Any], arrays: Arrays, args: argparse.Namespace, results: Results) -> None:
+def run(
+    parameters: dict[str, Any],
+    arrays: Arrays,
+    args: argparse.Namespace,
+    results: Results,
+    first: int = 0,
+    scalars: bool = False,
+) -> None:
     """Present all queries in a process of its own, and keep what it answers.
 
     Args:
@@ -75,20 +83,28 @@ def run(parameters: dict[str, Any], arrays: Arrays, args: argparse.Namespace, re
             bring any.
         args: The command line.
         results: Where answers are kept.
+        first: The number of the first query there.
+        scalars: Neurons are made with one value for all, and set to their own before the first query.
     """
     n = len(arrays["keys"])
     if not n:
         return
+    if scalars:  # a query before the first, in which nothing spikes and after which all values are set
+        given = ("rates", "keys", "biases", "exponents")
+        arrays = {k: np.concatenate([0 * a[:1], a]) if k in given else a for k, a in arrays.items()}
+        n, first = n + 1, first - 1
     args.batch = n if args.power else args.batch
     options = {"batch": args.batch, "simulate": args.simulate, "power": bool(args.power), "parameters": parameters}
+    options["scalars"] = scalars
     interval = int(parameters["steps"] + parameters["silent_steps"])
     with job(arrays, options) as folder, started(folder) as worker:
         for start in range(0, n, args.batch):
             end = min(n, start + args.batch)
             seconds = args.timeout or (START_SECONDS if start == 0 else 60) + (end - start) * interval / SLOWEST
             wait(worker, folder, f"batch-{start}.npy", seconds, f"queries {start} to {end - 1}")
-            for number, row in enumerate(array_of(read(str(folder), f"batch-{start}.npy")), start):
-                results.put(number, row)
+            for number, row in enumerate(array_of(read(str(folder), f"batch-{start}.npy")), first + start):
+                if number >= first + scalars:
+                    results.put(number, row)
             results.save()
         if args.power:
             wait(worker, folder, "power.json", args.timeout or 60, "power")
@@ -111,7 +127,9 @@ def wait(worker: subprocess.Popen[bytes], folder: Path, name: str, seconds: floa
     end = time.monotonic() + seconds
     failure = first_failure.awaited(folder, lambda code: (folder / name).exists(), poll, end)
     if failure is not None:
-        raise refusal(failure, folder, what, seconds)
+        refused = refusal(failure, folder, what, seconds)
+        refused.output = (folder / "log").read_text(encoding="utf-8", errors="replace")[-KEPT:]
+        raise refused
 
 
 def refusal(failure: dict[str, Any], folder: Path, what: str, seconds: float) -> Refused:

@@ -22,6 +22,7 @@ KAPOHO_BAY = [
     "channel.write of messages of several words",
     "channel.probe",
     "cx_state, written",
+    "memory of an embedded processor",
     "phases and accumulators stay as they are when states are cleared",
 ]
 NARROW = ["synapseFmt.wgtBits (weights of fewer than 8 bits)", "Wgt with fewer bits: the upper ones"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,21 @@ from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import count_spikes
 from lava_vpr.engine.presentations import Trains
+
+
+@pytest.mark.parametrize("bias_input", [False, True])
+@pytest.mark.parametrize("name", ["one core", "two chips", "apart"])
+def test_tables_take_what_those_of_the_program_take(program: Any, tmp_path: Path, name: str, bias_input: bool) -> None:
+    """Without the element of zeros that C wants of an empty table."""
+    plan = layout(name, random_network(bias_input=bias_input, regular=bias_input))
+    bundle = program.bundle_files.Bundle(str(make(tmp_path, plan).path), "kapoho-bay")
+    network, (most_bytes, masks) = program.board_network.Network(bundle), plan.embedded_tables
+    for ways, bytes_ in ((frozenset(), most_bytes), (frozenset({"masks"}), masks)):
+        network.ways = ways
+        counts = {chip: 4 * int((network.exc[:, 0] == chip).sum()) for chip in network.chips}
+        most = max(program.chip_program.table_bytes(network, chip) + counts[chip] for chip in network.chips)
+        assert 0 <= most - bytes_ <= 32
+    assert masks <= most_bytes
 
 
 @pytest.mark.quick(4)

@@ -245,7 +245,8 @@ def test_the_summary_says_what_limits_and_what_clears() -> None:
         "One inhibitory neuron takes from every neuron 2 steps after any has spiked. "
         "Modelled on 100 of its 500 reference images, asked as queries: 0.153 ms (0.0700 to 1,230) a query of 64 "
         "steps, 11.7 µs (5.00 to 34.1) a step, 2.00 µs of it on the busiest core (0:4). `lava-vpr bench` models "
-        "other queries. Messages cross 12.5 tiles a step. "
+        "other queries. The embedded processors' tables take up to 7.1 KiB (6.0 KiB with --ways masks); how much "
+        "memory they have is not public. Messages cross 12.5 tiles a step. "
     )
     assert "The host sends up to 46.8 spikes a step to each chip (limit: 56)." in text
     assert "an embedded processor of each chip writes v = 0" in text

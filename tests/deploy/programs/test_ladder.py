@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 from support.boards import loihi2_bundles
-from support.boards.kapoho_board import Board, edited, layout, make, plan_by_hand, random_network
+from support.boards.host_programs import Made
+from support.boards.kapoho_board import ASKED, Board, edited, layout, make, plan_by_hand, random_network
 
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 
@@ -66,8 +67,8 @@ def test_kapoho_bay_climbs(board: Board, tmp_path: Path, simulate: bool, mode: d
     ended = board.run(made, "--ladder", file, *["--simulate"] * simulate)
     assert (ended.code, ended.err) == (0, ""), ended.out
     lines = ended.out.splitlines()
-    assert [line.split(":")[0] for line in lines[:-1]] == [f"ok {name}" for name in (*NAMES, *REFERENCES)]
-    assert lines[-1] == f"all 10 rungs hold; send {file}"
+    assert [line.split(":")[0] for line in lines[:-1]] == [f"ok {name}" for name in (*NAMES, "tables", *REFERENCES)]
+    assert lines[-1] == f"all 11 rungs hold; send {file}"
     report = climbed(file)
     assert report["passed"]
     assert (report["board"], report["simulated"]) == ("Kapoho Bay", simulate)
@@ -79,6 +80,17 @@ WIDE = {(0, 0): [("exc", 0, 70), ("inh", 0, 1)], (1, 2): [("exc", 70, 10)]}
 """Cores whose compartments need other numbers of index bits."""
 OTHERS = ["rows of inputs, indices of 6 bits", "rows of the inhibitory neuron, indices of 6 bits"]
 OTHERS += ["single synapses, indices of 6 bits"]
+
+
+def climb_here(board: Board, made: Made, *names: str, **faults: Any) -> dict[str, Any]:
+    """Climb to the rungs ``names``, all if none, in this process, where a chip is not waited for in real time."""
+    program = board.program
+    options = program.command_line.parsed(program.command_line.parser(""), ["--ladder", "", "--timeout", "3"])
+    host = program.run.KapohoBay(program.bundle_files.Bundle(str(made.path), "kapoho-bay"), options)
+    rows = program.ladder.rows_of(host.plain() + host.further(), (host.network.steps, host.network.silent))
+    board.faults.choose(**{"asked": ASKED, **faults})
+    wanted = [row for row in rows if not names or row["name"] in names]
+    return dict(program.ladder.climb(wanted, host.attempt, host.ways, frozenset()))
 
 
 @pytest.mark.parametrize(
@@ -96,12 +108,11 @@ def test_every_format_of_the_bundle_has_a_rung(board: Board, tmp_path: Path, sig
         plain(self, own, *more)
 
     board.program.board_device.Device.__init__ = noted
-    file = tmp_path / "ladder.json"
-    ended = board.run(made, "--ladder", file)
-    assert (ended.code, ended.err) == (0, ""), ended.out
-    names = [rung["name"] for rung in climbed(file)["rungs"]]
+    report = climb_here(board, made)
     own = ["rows without indices"] if dense else []
-    assert names == [*(name for name in NAMES if signed or name != "signs"), *own, *OTHERS, *REFERENCES]
+    wanted = [*(name for name in NAMES if signed or name != "signs"), *own, *OTHERS, "tables", *REFERENCES]
+    assert [rung["name"] for rung in report["rungs"]] == wanted
+    assert report["passed"]
     tables = [json.loads(path.read_text()) for path in made.path.glob("cores/*/registers.json")]
     rungs_alone = climbed_in[: -sum(len(table["synapseFmt"]) - 1 for table in tables) * 2]
     for form in (form for table in tables for form in table["synapseFmt"] if form):
@@ -111,11 +122,8 @@ def test_every_format_of_the_bundle_has_a_rung(board: Board, tmp_path: Path, sig
 def test_a_wrong_index_width_fails_its_rung(board: Board, tmp_path: Path) -> None:
     network = random_network(2, neurons=80, signed=True, threshold=300)
     made = make(tmp_path, plan_by_hand(network, WIDE, 0.0), images=2)  # type: ignore[arg-type]
-    wrong = edited(board, made, "board_device.py", "CIdx=", "CIdx=0 * ")
-    path = tmp_path / "ladder.json"
-    assert wrong.run(made, "--ladder", path, "--timeout", 3).code == 1
-    rows = {row["name"]: row for row in climbed(path)["rungs"]}
-    assert not any(rows[name]["passed"] for name in OTHERS)
+    report = climb_here(edited(board, made, "board_device.py", "CIdx=", "CIdx=0 * "), made, *OTHERS)
+    assert [row["passed"] for row in report["rungs"]] == [False] * 3
 
 
 REFERENCES = ("one reference", "all references")
@@ -137,23 +145,69 @@ WRONG: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
 """A register that the board gets wrongly: file, text, what becomes of it, and rungs that must fail."""
 
 
-QUICK = ("decay", "sign", "clearing")
-
-
-@pytest.mark.quick(2)
-@pytest.mark.parametrize(
-    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in WRONG]
-)
+@pytest.mark.parametrize("name", WRONG)
 def test_one_wrong_register_fails_its_rung(board: Board, tmp_path: Path, name: str) -> None:
     file, old, new, rungs = WRONG[name]
     made = make(tmp_path, layout("one core", random_network(3, signed=True, threshold=30), 0.0))
+    report = climb_here(edited(board, made, file, old, new), made, *rungs)
+    assert not report["passed"]
+    assert not any(row["passed"] for row in report["rungs"])
+    assert all(row["failure"] for row in report["rungs"])
+
+
+WITHOUT = [kind for kind in ASKED if kind != "rows with indices, of discrete axons"]
+CURES: dict[str, tuple[str, dict[str, Any], tuple[str, ...]]] = {
+    "count-words": ("one neuron", {"counts_words": True}, ("words",)),
+    "one-word": ("one neuron", {"one_word": True}, ("words",)),
+    "fields": ("one neuron", {"no_type": True}, ("does not compile",)),
+    "compression-3": ("one neuron", {"asked": WITHOUT}, ("compression 0",)),
+    "fields,one-word": ("one neuron", {"no_type": True, "one_word": True}, ()),
+    "whole-cores": ("reset", {"stale": True}, ()),
+    "phases": ("reset", {"stuck": True}, ()),
+    "phases,whole-cores": ("reset", {"stuck": True, "stale": True}, ()),
+    "masks": ("tables", {"memory": 150}, ("region is full",)),
+}
+"""Ways, the rung whose failure they cure, a board that fails in just that way, and what is then said."""
+
+
+@pytest.mark.quick(1)
+@pytest.mark.parametrize("names", CURES)
+def test_the_ladder_finds_the_way_that_cures_a_board(board: Board, tmp_path: Path, names: str) -> None:
+    """The rung fails without the ways and passes with them, as do the bundle's references; one way less is too few."""
+    rung, faults, said = CURES[names]
+    made = make(tmp_path, layout("two chips", random_network(3, signed=True, threshold=30), 0.0))
+    report = climb_here(board, made, rung, "all references", **faults)
+    assert report["passed"], report
+    assert ",".join(report["ways"]) == names
+    first, last = report["rungs"]
+    assert last["said"].startswith("equal: 5 references")
+    assert first["tried"][0]["ways"] == []
+    output = first["tried"][0].get("error", "") + first["tried"][0].get("output", "")
+    assert all(word in output for word in said if word != "words")
+    assert not any(set(row["ways"]) >= set(report["ways"]) for row in first["tried"])
+    words = ("--self-test", "--timeout", 3, "--ways", names)
+    assert board.run(made, *words, **faults).code == 0
+    assert set(names.split(",")) <= {way.name for way in board.program.board_ways.WAYS}
+
+
+def test_a_hang_costs_one_attempt(board: Board, tmp_path: Path) -> None:
+    """Without a probe a read waits for ever: the child ends itself, and another goes on."""
+    made = make(tmp_path, layout("one core", random_network(3, signed=True, threshold=30), 0.0), images=1)
     path = tmp_path / "ladder.json"
-    ended = edited(board, made, file, old, new).run(made, "--ladder", path, "--timeout", 3)
-    assert ended.code == 1
-    assert f"rungs failed, first {rungs[0]}; send {path}" in ended.err
-    rows = {row["name"]: row for row in climbed(path)["rungs"]}
-    assert not any(rows[rung]["passed"] for rung in rungs)
-    assert rows[rungs[0]]["failure"] in ended.out
+    ended = board.run(made, "--ladder", path, "--timeout", 1, one_word=True, no_probe=True)
+    assert ended.code == 0, ended
+    assert ended.out.startswith("tried   one neuron: queries 0 to 0: the board did not finish within 1 s")
+    assert ended.out.endswith(f"all 11 rungs hold; send {path}; from now on use --ways one-word\n")
+    assert "did not finish" in climbed(path)["rungs"][0]["tried"][0]["output"]
+
+
+def test_ways_are_named_rightly(board: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = make(tmp_path, layout("one core", random_network(3)), images=1)
+    for words, said in (("no-way", "there is no way no-way; --ways knows count-words"), ("fields,whole-cores", "two")):
+        monkeypatch.setenv("LAVA_VPR_WAYS", words)
+        ended = board.run(made, "--self-test")
+        assert ended.code == 1
+        assert said in ended.err
 
 
 def test_a_file_that_cannot_be_written_is_said_before_the_climb(board: Board, tmp_path: Path) -> None:
@@ -164,26 +218,75 @@ def test_a_file_that_cannot_be_written_is_said_before_the_climb(board: Board, tm
     assert ended.err == f"{path}: cannot be written (No such file or directory); name another file\n"
 
 
-def test_without_nxsdk_there_is_no_ladder(board: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_nxsdk_the_file_says_so(board: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = make(tmp_path, layout("one core", random_network(3, signed=True, threshold=30), 0.0))
     monkeypatch.setitem(sys.modules, "nxsdk", None)
     ended = board.run(made, "--ladder", tmp_path / "ladder.json")
     assert ended.code == 1
-    assert "has no nxsdk" in ended.err
-    assert not (tmp_path / "ladder.json").exists()
+    assert ended.err.startswith("1 of 1 rungs failed, first software; send ")
+    assert "has no nxsdk" in climbed(tmp_path / "ladder.json")["rungs"][0]["error"]
+
+
+FEW = ("one neuron", "one axon", "reset")
+
+
+def loihi_2_climbs(bundle: Path, folder: Path, *words: str, env: dict[str, str] | None) -> tuple[int, dict[str, Any]]:
+    """Climb with a bundle's own program; its exit code and the file."""
+    file = folder / "ladder.json"
+    code, text = loihi2_bundles.program(bundle, *words, "--ladder", file, env=env)
+    report = climbed(file)
+    also = f"; from now on use --ways {','.join(report['ways'])}" if report["ways"] else ""
+    assert text.splitlines()[-1].endswith(f"; send {file}{also}"), text
+    return code, report
 
 
 @pytest.mark.lava
 @pytest.mark.slow
 @pytest.mark.parametrize("changes", [{"signed": True}, {"bias_input": True, "signed": True}])
 def test_loihi_2_climbs_in_lavas_simulation_and_on_the_stand_in(tmp_path: Path, changes: dict[str, Any]) -> None:
+    """Both input modes in one call."""
     bundle = loihi2_bundles.write_bundle(tmp_path / "bundle", loihi2_bundles.network(**changes))
     standin = loihi2_bundles.environment(options=loihi2_bundles.asked(tmp_path))
+    other = "injected" if "bias_input" in changes else "integrated biases"
     for simulate, env in ((["--simulate"], None), ([], standin)):
-        file = tmp_path / f"ladder{len(simulate)}.json"
-        code, text = loihi2_bundles.program(bundle, *simulate, "--ladder", file, env=env)
-        assert code == 0, text
-        assert text.splitlines()[-1] == f"all 10 rungs hold; send {file}"
-        report = climbed(file)
+        code, report = loihi_2_climbs(bundle, tmp_path, *simulate, env=env)
+        assert (code, report["passed"], report["ways"]) == (0, True, [])
         assert (report["board"], report["simulated"]) == ("Loihi 2", bool(simulate))
-        assert [rung["name"] for rung in report["rungs"]] == [*NAMES, *REFERENCES]
+        names = [*NAMES, *(f"{name}, {other}" for name in FEW), *REFERENCES]
+        assert [rung["name"] for rung in report["rungs"]] == names
+
+
+@pytest.mark.lava
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("bias_input", "refuse", "way"),
+    [(True, "set", "injected"), (False, "arrays", "scalars"), (True, "arrays", "scalars"), (False, "reset", "fresh")],
+)
+def test_loihi_2_finds_the_way_that_cures_a_board(tmp_path: Path, bias_input: bool, refuse: str, way: str) -> None:
+    """What cures the small networks gives the bundle's own counts, too, and so it does when it is asked for."""
+    network = loihi2_bundles.network(signed=True, bias_input=bias_input)
+    bundle = loihi2_bundles.write_bundle(tmp_path / "bundle", network)
+    env = loihi2_bundles.environment(options=loihi2_bundles.asked(tmp_path, refuse=[refuse]))
+    report = loihi_2_climbs(bundle, tmp_path, env=env)[1]
+    assert report["ways"] == [way]
+    assert all(row["passed"] for row in report["rungs"][-2:])
+    assert loihi2_bundles.program(bundle, "--self-test", "--ways", way, env=env)[0] == 0
+    assert loihi2_bundles.program(bundle, "--self-test", env=env)[0] == 1
+
+
+@pytest.mark.lava
+@pytest.mark.slow
+def test_a_ladder_climbs_with_another_lava(tmp_path: Path) -> None:
+    """Which other uses of the program refuse, unless it is asked for."""
+    bundle = loihi2_bundles.write_bundle(tmp_path / "bundle", loihi2_bundles.network(signed=True))
+    metadata = tmp_path / "older" / "lava_nc-0.9.0.dist-info" / "METADATA"
+    metadata.parent.mkdir(parents=True)
+    metadata.write_text("Metadata-Version: 2.1\nName: lava-nc\nVersion: 0.9.0\n")
+    env = loihi2_bundles.environment(options=loihi2_bundles.asked(tmp_path))
+    env["PYTHONPATH"] = f"{metadata.parents[1]}:{env['PYTHONPATH']}"
+    code, report = loihi_2_climbs(bundle, tmp_path, env=env)
+    assert (code, report["lava"].split(",")[0]) == (0, "lava-nc 0.9.0")
+    code, text = loihi2_bundles.program(bundle, "--check", env=env)
+    assert code == 1
+    assert text.endswith("lava-nc 0.9.0 is installed, 0.10 is needed: pip install lava-nc==0.10.*, or --ways any-lava")
+    assert loihi2_bundles.program(bundle, "--check", "--ways", "any-lava", env=env)[0] == 0

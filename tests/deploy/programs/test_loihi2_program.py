@@ -99,7 +99,10 @@ def test_what_is_missing_is_said_in_one_line(run: Any, monkeypatch: pytest.Monke
         patch.setenv("NXSDKHOST", "10.0.0.2")
         assert run.run.require(False) == "lava-nc 0.10.0, lava-loihi, host 10.0.0.2"
         patch.setattr(importlib.metadata, "version", lambda name: "0.9.0")
-        assert refusal(run) == "lava-nc 0.9.0 is installed, 0.10 is needed: pip install lava-nc==0.10.*"
+        assert (
+            refusal(run)
+            == "lava-nc 0.9.0 is installed, 0.10 is needed: pip install lava-nc==0.10.*, or --ways any-lava"
+        )
 
         def absent(name: str) -> str:
             raise importlib.metadata.PackageNotFoundError(name)

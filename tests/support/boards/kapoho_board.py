@@ -87,6 +87,7 @@ class Board:
         """The program of a bundle, with faults."""
         self.program.run.__file__ = str(made.path / "program" / "run.py")
         self.faults.choose(**{"asked": ASKED, **faults})
+        os.environ["STANDIN"] = json.dumps({"asked": ASKED, **faults})  # of the ladder's child
         self.capsys.readouterr()
         code = self.program.run.main([str(word) for word in words])
         text = self.capsys.readouterr()
@@ -118,7 +119,8 @@ def board(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], t
     """See `Board`; NxSDK's stand-in is forgotten afterwards."""
     monkeypatch.syspath_prepend(str(STANDIN))
     monkeypatch.setenv("KAPOHOBAY", "1")
-    monkeypatch.delenv("STANDIN", raising=False)
+    monkeypatch.setenv("PYTHONPATH", str(STANDIN))
+    monkeypatch.setenv("STANDIN", "{}")
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     handler = signal.getsignal(signal.SIGTERM)
     from nxsdk_standin.faults import FAULTS  # the stand-in is on the path only here

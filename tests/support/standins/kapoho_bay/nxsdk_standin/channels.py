@@ -57,11 +57,14 @@ class Channel:
 
     def write(self, n: int, words: list[int]) -> None:
         """From the host."""
+        if FAULTS.counts_words:
+            n = n // self.words
+            words = words[: n * self.words]
         if not self.to_chip or not self.traffic.open or len(words) != n * self.words:
             raise StandinError(f"channel {self.name}: write({n}, {len(words)} words)")
         if any(type(word) is not int or not -(1 << 31) <= word < 1 << 31 for word in words):
             raise StandinError(f"channel {self.name}: not 32-bit integers")
-        for i in range(n):
+        for i in range(0 if FAULTS.one_word and self.words > 1 else n):
             for message in self._faulty(np.array(words[i * self.words : (i + 1) * self.words], np.int32)):
                 self.put(message)
 
@@ -85,7 +88,7 @@ class Channel:
         if self.to_chip or not self.traffic.open:
             raise StandinError(f"channel {self.name}: read({n})")
         words: list[int] = []
-        for _ in range(n):
+        for _ in range(n // self.words if FAULTS.counts_words else n):
             words += self.get().tolist()
             self.traffic.read += 1
         self.traffic.check()
@@ -108,6 +111,11 @@ class Channel:
             self.traffic.check()
             self.messages.append(message)
             self.traffic.changed.notify_all()
+
+    def __getattribute__(self, name: str) -> Any:
+        if name == "probe" and FAULTS.no_probe:
+            raise AttributeError(name)
+        return super().__getattribute__(name)
 
     def get(self) -> np.ndarray[Any, Any]:
         """Wait for a message."""

@@ -80,7 +80,7 @@ class Core:
         for number, form in self.synapseFmt.used.items():
             for field in fields_of("synapseFmt"):
                 getattr(form, field)
-            if number == 0 or (form.compression == SPARSE) != (form.idxBits > 0):
+            if number == 0 or (form.compression == SPARSE and form.idxBits == 0):
                 raise StandinError(f"{form.where}: not a usable format")
         return self.synapseFmt.used
 

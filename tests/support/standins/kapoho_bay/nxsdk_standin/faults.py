@@ -25,6 +25,13 @@ class Faults:
     lose, damage, repeat: Number of the packet to chip 0 (from 0) that is lost, changed, or sent twice in place of the
         next; -1: none.
     wrong_query: Number of the packet from chip 0 that carries another query's number; -1: none.
+    counts_words: channel.write and read count words, not messages.
+    one_word: Channels pass nothing on whose messages have more than a word.
+    no_probe: Channels have no probe, so that a read which waits cannot be interrupted.
+    no_type: NxSDK's header has no type CxState.
+    stale: A state that is written by itself, not with its whole core, is as it was.
+    stuck: A neuron whose state was cleared stands still until its phase is written, too.
+    memory: Bytes of tables that a chip's program may have; -1: any.
     sensors: The board measures its power.
     asked: Kinds of unproven values of registers that are taken all the same (`deploy.hardware.table.kind_of`).
     once: File that the first fault creates; none happens while it exists.
@@ -41,6 +48,13 @@ class Faults:
     damage: int = -1
     repeat: int = -1
     wrong_query: int = -1
+    counts_words: bool = False
+    one_word: bool = False
+    no_probe: bool = False
+    no_type: bool = False
+    stale: bool = False
+    stuck: bool = False
+    memory: int = -1
     sensors: bool = True
     asked: tuple[str, ...] = ()
     once: str = ""

@@ -52,6 +52,7 @@ class Running:
         u = (u + TOP) % (2 * TOP) - TOP
         v = np.sign(v) * (np.abs(v) * (4096 - self.decays[:, 1]) >> 12) + u
         v = np.clip(v + (config["Bias"].astype(np.int64) << config["BiasExp"]), *self.limits)
+        v[self.memory["stands"][: self.n] != 0] = 0
         spikes = v > self.levels
         v[spikes] = 0
         state["U"], state["V"] = u, v

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from nxsdk_standin.channels import Channel
-from nxsdk_standin.faults import StandinError
+from nxsdk_standin.faults import FAULTS, StandinError
 
 INCLUDE = Path(__file__).parents[1] / "include"
 STRICT = "-std=c99 -O1 -Wall -Wextra -Wconversion -Wno-sign-conversion -Wshadow -Wundef -Werror".split()
 CORES = 256
 STATE = np.dtype([("U", "<i4"), ("V", "<i4")])
 CONFIG = np.dtype([(name, "<i4") for name in ("Bias", "BiasExp", "VthProfile", "CxProfile")])
-CORE = np.dtype([("state", STATE, 1024), ("config", CONFIG, 1024)])
+CORE = np.dtype([("state", STATE, 1024), ("config", CONFIG, 1024), ("phases", "<u4", 256), ("stands", "<i4", 1024)])
 
 
 class RunState(ctypes.Structure):
@@ -45,6 +45,7 @@ class Snip:
         self.injected: list[tuple[int, int]] = []
         self.before: dict[int, Any] = {}
         self.flushed: dict[int, Any] = {}
+        self.whole: set[int] = set()
         self.calls = {"touch": 0, "flush": 0, "spike": 0}
 
     def compile(self) -> None:
@@ -57,7 +58,11 @@ class Snip:
         if compiler is None:
             raise StandinError("no C compiler: install gcc, the test compiles the program of the embedded processors")
         library = str(Path(self.include) / (self.name + ".so"))
-        paths = ["-I", self.include, "-I", str(INCLUDE)]
+        header = Path(self.include, Path(self.source).stem + ".h").read_text(encoding="utf-8")
+        tables = "".join(line for line in header.splitlines() if line.startswith("static const"))
+        if 0 <= FAULTS.memory < 2 * len(re.findall(r"\b\d+\b", tables)):
+            raise StandinError(f"{self.source}: section .rodata does not fit, region is full")
+        paths = ["-I", self.include, "-I", str(INCLUDE), *["-DSTANDIN_NO_TYPE"] * FAULTS.no_type]
         sources = [self.source, str(INCLUDE / "standin.c")]
         command = [compiler, *STRICT, "-shared", "-fPIC", *paths, *sources, "-o", library]
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
@@ -79,6 +84,7 @@ class Snip:
             (self._spike, ctypes.CFUNCTYPE(None, integer, integer, integer)),
             (self._touch, ctypes.CFUNCTYPE(None, integer)),
             (self._flush, ctypes.CFUNCTYPE(None, integer)),
+            (self.whole.add, ctypes.CFUNCTYPE(None, integer)),
         )
         self.callbacks = [kind(self._guarded(function)) for function, kind in kinds]
         self.library.standin_install(*self.callbacks)
@@ -132,12 +138,20 @@ class Snip:
     def run(self, step: int) -> None:
         """Call the program after ``step``; see that it wrote only what it may, and flushed it."""
         self.step, self.injected, self.before, self.flushed = step, [], {}, {}
+        self.whole.clear()
         state = RunState(step, 0)
         if getattr(self.library, self.guard_name)(ctypes.byref(state)):
             getattr(self.library, self.function_name)(ctypes.byref(state))
         if self.error is not None:
             raise self.error
         for core, before in self.before.items():
+            if FAULTS.stuck:  # what was cleared stands still, unless all phases were written
+                cleared = (before["state"]["V"] != 0) & (self.memory[core]["state"]["V"] == 0)
+                self.memory[core]["stands"] |= cleared & ~self.memory[core]["phases"].any()
+                self.memory[core]["phases"] = self.flushed[core]["phases"] = 0
+                self.flushed[core]["stands"] = self.memory[core]["stands"]
+            if FAULTS.stale and core not in self.whole:
+                self.memory[core]["state"] = self.flushed[core]["state"] = before["state"]
             if before.tobytes() != self.memory[core].tobytes():
                 self._check(core, before)
 

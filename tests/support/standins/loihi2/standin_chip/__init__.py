@@ -5,8 +5,9 @@ they must have, and how its run configurations, compiler and runtime treat them.
 folder's parent on the search path for modules, ahead of lava-nc's, and Lava takes it for lava-loihi.
 
 The environment variable STANDIN_LOIHI names a JSON file with options: ``weights`` (a .npy file that the excitatory
-Dense must hold), ``log`` (a file that is told what was placed and run), ``step`` and ``fault`` (what goes wrong in
-which step: see `standin_chip.chip.FAULTS`).
+Dense must hold), ``log`` (a file that is told what was placed and run), ``refuse`` (a list: Vars are not "set", neurons
+take no "arrays" of values, "reset" clears nothing), ``step`` and ``fault`` (what goes wrong in which step: see
+`standin_chip.chip.FAULTS`).
 """
 
 from __future__ import annotations

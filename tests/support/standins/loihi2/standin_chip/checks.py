@@ -45,6 +45,8 @@ def check_process(process: AbstractProcess) -> None:
     kind = type(process)
     if kind in (LIF, LIFReset):
         for var in process.vars:
+            if "arrays" in options().get("refuse", ()) and np.size(var.init) > 1:
+                raise StandinError(f"{var.name} has a value a neuron, one for all is needed")
             check_var(var.name, var.init)
         if kind is LIFReset:
             check_reset(process.proc_params["reset_interval"], process.proc_params["reset_offset"])

@@ -86,6 +86,8 @@ class Chip:
 
     def set(self, process_id: int, var_id: int, value: NDArray[Any]) -> None:
         """Write a Var."""
+        if "set" in options().get("refuse", ()):
+            raise StandinError("a Var of the chip cannot be set")
         part = self.parts[process_id]
         name = part.model.var_id_to_var_map[var_id]
         if np.any(value != np.floor(value)):
@@ -107,6 +109,10 @@ class Chip:
         self.steps += 1
         fault = self.fault if self.steps == self.fault_step else None
         sent = {builder.process_id: builder.channels["inp"].recv() for builder in self.ins}
+        if self.parts and "reset" in options().get("refuse", ()):  # only the first presentation begins at rest
+            for part in self.parts.values():
+                if part.neurons and hasattr(part.model, "reset_interval"):
+                    part.model.reset_interval = 1 << 30
         if fault == "raise":
             raise ConnectionError("the board does not answer any more")
         if fault == "exit":
