@@ -115,7 +115,7 @@ def _toml(path: Path) -> dict[str, Any]:
         ConfigError: the file is missing, too long, or no TOML.
     """
     try:
-        text = read_bytes(path, "config_bytes").decode("utf-8")
+        text = read_bytes(path, "config_bytes").decode("utf-8-sig")
         # The parser takes time in proportion to the square of the dots in a key, and a key stands on one line.
         longest = max(len(line) for line in text.split("\n"))
         if longest > _LONGEST_LINE:

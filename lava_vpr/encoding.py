@@ -28,6 +28,7 @@ from lava_vpr.inputs.patches import HOG_VALUES, PATCH_SIDE, averaged, hog, patch
 from lava_vpr.inputs.vectors import Standard, picture_of
 from lava_vpr.inputs.views import STRAIGHT, View, seen_as
 from lava_vpr.readers import Found
+from lava_vpr.storage.limits import within
 from lava_vpr.traverse import Traverse
 from lava_vpr.vectors.files import checked_vectors
 
@@ -142,11 +143,11 @@ def encode_arrays(
         InputError: one of them is no image, or no such vector, or there is not one name for each.
     """
     vectors = INPUTS[encoder.kind].sees == "vector"
-    taken = _vectors(images, encoder.vector_values) if vectors else _images(images)
     word = "vector" if vectors else "image"
-    named = tuple(f"{word} {k:06d}" for k in range(len(taken))) if names is None else tuple(names)
-    if len(named) != len(taken):
-        raise InputError(f"there are {len(named)} names for {len(taken)} {word}s; give one for each")
+    named = tuple(f"{word} {k:06d}" for k in range(len(images))) if names is None else tuple(names)
+    if len(named) != len(images):
+        raise InputError(f"there are {len(named)} names for {len(images)} {word}s; give one for each")
+    taken = _vectors(images, encoder.vector_values) if vectors else _images(images, names)
     indices = np.arange(len(taken), dtype=np.int64)
     return _encoded(named, indices, iter(taken), encoder, views, keep, None, standard)
 
@@ -162,14 +163,19 @@ def image_traverse(images: Sequence[NDArray[Any]]) -> Traverse:
     return Traverse("images", numbers, (), numbers, found=Found(walk=lambda: iter(samples), word="image"))
 
 
-def _images(images: Sequence[NDArray[Any]]) -> Sequence[NDArray[Any]]:
-    """``images``, each seen to be one."""
+def _images(images: Sequence[NDArray[Any]], names: Sequence[str] | None = None) -> Sequence[NDArray[Any]]:
+    """``images``, each seen to be one, and none larger than a picture in a file may be."""
     for number, image in enumerate(images):
-        array = np.asarray(image)
+        said = f"image {number}" if names is None else names[number]
+        try:
+            array = np.asarray(image)
+        except ValueError:  # rows of unequal length
+            array = np.empty(0, object)
         if array.dtype != np.uint8 or array.ndim not in (2, 3) or array.shape[2:] not in ((), (3,)) or not array.size:
             raise InputError(
-                f"image {number} is of type {array.dtype} and shape {array.shape}; give uint8 (h, w) or (h, w, 3) BGR"
+                f"{said} is of type {array.dtype} and shape {array.shape}; give uint8 (h, w) or (h, w, 3) BGR"
             )
+        within("image_pixels", array.shape[0] * array.shape[1], f"{said} has {array.shape[1]} x {array.shape[0]} =")
     return images
 
 

@@ -20,6 +20,7 @@ from lava_vpr.matching.answers import Answerer, Together, accepted, least_probab
 from lava_vpr.matching.forward_filter import NONE, Belief, ForwardFilter
 from lava_vpr.model import Model, prepare
 from lava_vpr.positions.frames import Positions
+from lava_vpr.settings.arguments import check_arguments
 from lava_vpr.traverse import open_traverse
 
 if TYPE_CHECKING:
@@ -33,8 +34,9 @@ def load(path: str | Path) -> Model:
     """The model in a model file, or in the folder of a deployed bundle.
 
     Raises:
-        ModelFileError: it cannot be used.
+        LavaVprError: it cannot be used.
     """
+    check_arguments("path", path=path)
     return open_model(path)
 
 
@@ -42,6 +44,9 @@ class Localizer:
     """Says where a robot is, image by image, from a map of places.
 
     It computes in the caller's thread, opens no file after the map is read, and needs no more memory for more images.
+    A copy of it, pickled or not, goes on where it was. One thread at a time may use it: each call changes what is
+    believed, and `add` and `remove` change the map. Threads may share a `Model`, which nothing changes; give each
+    thread a localizer of its own.
 
     Args:
         model: A model, or the path of a model file or bundle.
@@ -66,11 +71,28 @@ class Localizer:
         target_precision: float = 0.95,
         seed: int | None = None,
     ) -> None:
+        check_arguments(
+            "motion query_views target_precision",
+            motion=motion,
+            adapt=adapt,
+            query_views=query_views,
+            target_precision=target_precision,
+            seed=seed,
+        )
+        if not isinstance(model, Model):
+            check_arguments("model", model=model)
         self._asking, self._seed = Asking(query_views, adapt), seed
         self._motion, self._precision = motion, target_precision
         self._backend = HostBackend()
         self._use(model if isinstance(model, Model) else load(model))
         self.reset()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_scores_of"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._scores_of = prepare(self._model)
 
     @property
     def model(self) -> Model:
@@ -93,7 +115,9 @@ class Localizer:
         Raises:
             InputError: the image is none, or the odometry cannot be used.
         """
-        seen = encode_arrays([image], self._model.config.encoder, self._views, standard=self._model.standard)
+        check_arguments(stamp=stamp, odometry=odometry)
+        model, names = self._model, ["the image"]
+        seen = encode_arrays([image], model.config.encoder, self._views, names=names, standard=model.standard)
         shown = self._asker.presentations(seen)
         counts = summed(self._backend.count_spikes(self._model, shown)[0], self._asking.views)
         moving = None if self._motion == NONE else self._moving.moving(shown.rates[:1])
@@ -120,6 +144,7 @@ class Localizer:
         Raises:
             LavaVprError: the images or positions do not fit the map.
         """
+        check_arguments("images", images=images, names=names)
         taken: Any = images
         if isinstance(images, (str, Path)):
             config, opened = self._model.config, open_traverse(images, events=self._model.config.events)
@@ -139,10 +164,11 @@ class Localizer:
         Raises:
             InputError: the map has no such place, or fewer than two would be left.
         """
-        before, kept = self._answerer.filter, ~np.isin(self._model.place_indices, np.asarray(places, np.int64))
+        before, known = self._answerer.filter, self._model.place_indices
         self._use(maps.remove(self._model, places))
         self.reset()
         if before is not None:
+            kept = np.isin(known, self._model.place_indices)
             left = before.belief.places[kept]
             lost = float(before.belief.places.sum() - left.sum())
             self._go_on(before, Belief(left, before.belief.off_map + lost))
@@ -153,6 +179,7 @@ class Localizer:
         Raises:
             ModelFileError: it cannot be written.
         """
+        check_arguments("path", path=path)
         model_file.save(self._model, Path(path))
 
     def _use(self, model: Model) -> None:

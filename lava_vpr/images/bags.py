@@ -188,7 +188,7 @@ def _unpacked(message: Any) -> NDArray[np.uint8]:
     height, width, step = int(message.height), int(message.width), int(message.step)
     within("image_pixels", width * height)
     if min(width, height) < MIN_SIDE:
-        raise InputError(f"has {width} x {height} pixels, needs at least {MIN_SIDE} x {MIN_SIDE}")
+        raise InputError(f"has {width} x {height} pixels, needs at least {MIN_SIDE} x {MIN_SIDE}; give a larger one")
     if step < width * size or len(message.data) < height * step:
         raise InputError(
             f"is damaged: {len(message.data):,} bytes, in rows of {step:,}, are no {width} x {height} pixels of "

@@ -114,7 +114,9 @@ def _decoded_image(data: bytes, where: str) -> NDArray[np.uint8]:
     except DamagedError as error:
         raise InputError(f"is damaged or cut short ({error}); copy it again or remove it") from None
     if min(image.shape[:2]) < MIN_SIDE:
-        raise InputError(f"has {image.shape[1]} x {image.shape[0]} pixels, needs at least {MIN_SIDE} x {MIN_SIDE}")
+        raise InputError(
+            f"has {image.shape[1]} x {image.shape[0]} pixels, needs at least {MIN_SIDE} x {MIN_SIDE}; give a larger one"
+        )
     _note(header, image, where)
     if image.dtype == np.uint16:
         image = _narrowed(image)

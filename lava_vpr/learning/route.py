@@ -29,6 +29,7 @@ from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.learning.references import Images, Places, each, encode_route, in_memory, located_each
 from lava_vpr.model import Model
 from lava_vpr.positions.track import MOST_GAP_S
+from lava_vpr.settings.arguments import check_arguments
 from lava_vpr.training.checkpoint import check_resume, remove_checkpoint
 from lava_vpr.training.loop import check_size, train as train_encoded
 from lava_vpr.training.measuring import calibrated
@@ -109,30 +110,31 @@ def train(
     Raises:
         LavaVprError: images or settings cannot be used.
     """
+    arguments: dict[str, Any] = {
+        "preset": preset,
+        "places": places,
+        "every": every,
+        "dataset": dataset,
+        "section": section,
+        "stamps": stamps,
+        "gap": gap,
+        "spacing": spacing,
+        "keyframes": keyframes,
+        "parts": parts,
+        "checkpoint": checkpoint,
+        "resume": resume,
+    }
+    check_arguments("every stamps gap parts resume", rates=rates, threads=threads, cluster=cluster, **arguments)
     if bool(references) == (rates is not None):
         raise InputError("there is nothing to learn, or too much; give the images of a route, or rates")
     if rates is not None:
         settings["input"] = "rates"
         references = (rates,) if np.ndim(rates[0]) == 1 else tuple(rates)
-    training = Training.of(
-        references,
-        preset=preset,
-        config=config,
-        places=places,
-        every=every,
-        dataset=dataset,
-        section=section,
-        positions=positions,
-        stamps=stamps,
-        gap=gap,
-        spacing=spacing,
-        keyframes=keyframes,
-        parts=parts,
-        standard=standard,
-        checkpoint=None if checkpoint is None else Path(checkpoint),
-        resume=resume,
-        **settings,
-    )
+    check_arguments(references=references)
+    check_arguments(config=None if isinstance(config, Config) else config)
+    check_arguments(standard=None if isinstance(standard, Model) else standard)
+    arguments["checkpoint"] = None if checkpoint is None else Path(checkpoint)
+    training = Training.of(references, config=config, positions=positions, standard=standard, **arguments, **settings)
     with connected(cluster) as workers:
         model = training.learn(Pool(threads or cores(), workers), progress).model
     if training.checkpoint is not None:

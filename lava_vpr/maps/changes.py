@@ -23,6 +23,7 @@ from lava_vpr.matching.equations import assign
 from lava_vpr.model import IntegerModel, Model, Stretch, as_integer, integer_model
 from lava_vpr.positions import frames
 from lava_vpr.positions.frames import XY, Positions, placed
+from lava_vpr.settings.ranges import whole
 from lava_vpr.training.loop import LearnedRoute, check_size, check_whole, in_one, joined, learned_weights
 from lava_vpr.training.measuring import references_of
 from lava_vpr.training.preparing import check_encoded_references
@@ -144,10 +145,12 @@ def _known(model: Model, places: Iterable[int], path: Path | None) -> list[int]:
         InputError: none is given, or one is no place of it.
     """
     own, wanted = frozenset(model.place_indices.tolist()), set[int]()
+    if not isinstance(places, Iterable):
+        raise InputError(f"places are {brief(places)}, but must be absolute indices; give a list of them")
     for place in places:
-        if place not in own:
+        if not whole(place) or place not in own:
             known = ranges_of(model.place_indices)
-            raise InputError(f"{_of_file(path)}the model has no place {place}; its places are {known}")
+            raise InputError(f"{_of_file(path)}the model has no place {brief(place)}; its places are {known}")
         wanted.add(place)
     if not wanted:
         raise InputError("no place is named; give absolute indices")

@@ -34,6 +34,8 @@ def test_presets_survive_toml_and_dictionaries(name: str, tmp_path: Path) -> Non
     path = tmp_path / "a.toml"
     path.write_text(f.to_toml(settings_))
     assert f.read_toml(path) == settings_
+    path.write_text(path.read_text(), encoding="utf-8-sig")  # as Notepad writes it
+    assert f.read_toml(path) == settings_
     assert f.from_dict(f.to_dict(settings_)) == settings_
 
 

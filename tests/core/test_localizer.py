@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import pickle
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -258,6 +259,86 @@ def test_an_image_without_a_spike_matches_nothing_alone(route: Model) -> None:
 def test_what_is_no_image_is_refused(image: NDArray[np.uint8], words: str, route: Model) -> None:
     with pytest.raises(InputError, match=words):
         Localizer(route).update(image)
+
+
+MADE: Any = Localizer
+LEARN: Any = train
+HUGE = np.broadcast_to(np.uint8(7), (2**31, 2))
+"""An image larger than any memory, which costs none."""
+WRONG: dict[str, Callable[[Any, Any], object]] = {
+    "model is None": lambda robot, seen: MADE(None),
+    "model is ''": lambda robot, seen: MADE(""),
+    "path is ''": lambda robot, seen: lava_vpr.load(""),
+    "motion is": lambda robot, seen: MADE(robot.model, ["any"]),
+    "adapt is 'x'": lambda robot, seen: MADE(robot.model, adapt="x"),
+    "adapt is 0.5": lambda robot, seen: MADE(robot.model, adapt=0.5),
+    "query_views is True": lambda robot, seen: MADE(robot.model, query_views=True),
+    "target_precision is None": lambda robot, seen: MADE(robot.model, target_precision=None),
+    "seed is 'x'": lambda robot, seen: MADE(robot.model, seed="x"),
+    "seed is 1.5": lambda robot, seen: MADE(robot.model, seed=1.5),
+    "seed is -1": lambda robot, seen: MADE(robot.model, seed=-1),
+    "seed is 1180591620717411303424": lambda robot, seen: MADE(robot.model, seed=2**70),
+    "odometry is 'x'": lambda robot, seen: robot.update(seen[0], odometry="x"),
+    "odometry is a number of": lambda robot, seen: robot.update(seen[0], odometry=10**400),
+    "stamp is 'x'": lambda robot, seen: robot.update(seen[0], stamp="x"),
+    "the image is of type object": lambda robot, seen: robot.update(object()),
+    "the image has 2 x 2147483648 = ": lambda robot, seen: robot.update(HUGE),
+    "images is None": lambda robot, seen: robot.add(None),
+    "images is {}": lambda robot, seen: robot.add({}),
+    "names is 'ab'": lambda robot, seen: robot.add(seen[:2], np.ones((2, 2)), names="ab"),
+    "names is .1, 2.": lambda robot, seen: robot.add(seen[:2], np.ones((2, 2)), names=[1, 2]),
+    "places are 3": lambda robot, seen: robot.remove(3),
+    "has no place 1.7": lambda robot, seen: robot.remove([1.7]),
+    "has no place True": lambda robot, seen: robot.remove([True]),
+    "has no place .1.": lambda robot, seen: robot.remove([[1]]),
+    "has no place 'x'": lambda robot, seen: robot.remove(["x"]),
+    "has no place 1180591620717411303424": lambda robot, seen: robot.remove([2**70]),
+    "path is None": lambda robot, seen: robot.save(None),
+    "path is 'x.x00'": lambda robot, seen: robot.save("x\0"),
+    "references is .None": lambda robot, seen: LEARN(None),
+    "references is .{}": lambda robot, seen: LEARN({}),
+    "references is .<list_iterator": lambda robot, seen: LEARN(iter(seen)),
+    "image 0 has 2 x 2147483648 = ": lambda robot, seen: LEARN([HUGE]),
+    "rates is ..,": lambda robot, seen: LEARN(rates=[]),
+    "rates is .1.0": lambda robot, seen: LEARN(rates=[1.0, 2.0]),
+    "config is {}": lambda robot, seen: LEARN(seen, config={}),
+    "preset is 3": lambda robot, seen: LEARN(seen, preset=3),
+    "standard is 3": lambda robot, seen: LEARN(seen, standard=3),
+    "places is .0.0, 4": lambda robot, seen: LEARN(seen, places=(0.0, 4)),
+    "places is .False, 4": lambda robot, seen: LEARN(seen, places=(False, 4)),
+    "parts is .2.5, ": lambda robot, seen: LEARN(seen, parts=[2.5, 2.5]),
+    "section is 1.0": lambda robot, seen: LEARN("S", dataset="nordland", section=1.0),
+    "threads is 1.5": lambda robot, seen: LEARN(seen, threads=1.5),
+    "threads is -1": lambda robot, seen: LEARN(seen, threads=-1),
+    "every is 'x'": lambda robot, seen: LEARN("S", every="x"),
+    "gap is None": lambda robot, seen: LEARN(seen, gap=None),
+    "spacing is True": lambda robot, seen: LEARN(seen, spacing=True),
+    "keyframes is 'x'": lambda robot, seen: LEARN(seen, keyframes="x"),
+    "stamps is None": lambda robot, seen: LEARN(seen, stamps=None),
+    "cluster is 7": lambda robot, seen: LEARN(seen, cluster=7),
+    "checkpoint is 7": lambda robot, seen: LEARN(seen, checkpoint=7),
+    "resume is 1": lambda robot, seen: LEARN(seen, resume=1),
+    "seed is 1.5, but": lambda robot, seen: LEARN(seen, seed=1.5),
+    "epochs is True": lambda robot, seen: LEARN(seen, epochs=True),
+}
+
+
+@pytest.mark.parametrize("said", WRONG)
+def test_what_is_of_a_wrong_kind_is_refused_by_its_name(said: str, summer: Images, route: Model) -> None:
+    robot = Localizer(route)
+    with pytest.raises(LavaVprError, match=said) as told:
+        WRONG[said](robot, summer[:4])
+    assert "\n" not in str(told.value)
+    assert robot.model.places == PLACES
+
+
+def test_a_copy_goes_on_where_it_was(winter: Images, route: Model) -> None:
+    robot = Localizer(route)
+    for image in winter[:4]:
+        robot.update(image)
+    copy = pickle.loads(pickle.dumps(robot))
+    for image in winter[4:8]:
+        assert copy.update(image).values() == robot.update(image).values()
 
 
 def test_what_cannot_be_asked_is_refused(winter: Images, summer: Images, route: Model, tmp_path: Path) -> None:
