@@ -26,11 +26,14 @@ def read(folder: str, name: str) -> bytes:
     Raises:
         Refused: it cannot be read.
     """
+    path = os.path.join(folder, *name.split("/"))
     try:
-        with open(os.path.join(folder, *name.split("/")), "rb") as file:
+        if not os.path.isfile(path):  # a pipe would be waited for
+            raise FileNotFoundError(2, "No such file or directory")
+        with open(path, "rb") as file:
             return file.read()
-    except OSError as error:
-        raise bad(folder, name, "cannot be read (" + str(error.strerror) + ")") from None
+    except (OSError, ValueError) as error:  # the latter of a name that no file can have
+        raise bad(folder, name, "cannot be read (" + str(getattr(error, "strerror", error)) + ")") from None
 
 
 def bad(folder: str, name: str, what: str) -> Refused:
@@ -51,7 +54,7 @@ def read_manifest(folder: str) -> dict:
         sealed = manifest["sha256"]
         [manifest[key] for key in ("format", "version", "target", "network")]
         [(facts["bytes"], facts["sha256"]) for facts in manifest["files"].values()]
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise bad(folder, MANIFEST, "is not a bundle's manifest") from None
     if own != sealed:
         raise bad(folder, MANIFEST, "was altered (checksum differs)")
@@ -76,11 +79,14 @@ def array_of(data: bytes) -> Any:
     """The array in the content of a ``.npy`` file.
 
     Raises:
-        ValueError, EOFError, OSError: there is none.
+        ValueError: there is none.
     """
     import numpy as np  # only here: files are checked without it
 
-    return np.asarray(np.load(io.BytesIO(data), allow_pickle=False))
+    try:
+        return np.asarray(np.load(io.BytesIO(data), allow_pickle=False))
+    except Exception as error:  # numpy parses headers as Python
+        raise ValueError(str(error)) from None
 
 
 class Bundle:
@@ -114,12 +120,12 @@ class Bundle:
         """The array in a file."""
         try:
             return array_of(self.files[name])
-        except (KeyError, ValueError, EOFError, OSError):
+        except (KeyError, ValueError):
             raise bad(self.folder, name, "is missing or no array") from None
 
     def json(self, name: str) -> dict:
         """The value in a file."""
         try:
             return dict(json.loads(self.files[name].decode()))
-        except (KeyError, ValueError):
+        except (KeyError, ValueError, TypeError, RecursionError):
             raise bad(self.folder, name, "is missing or no JSON") from None

@@ -111,7 +111,7 @@ def load_queries(folder: str, inputs: int, neurons: int) -> Arrays:
                 arrays[name] = array_of(file.read())
         except OSError as error:
             raise Refused("input", f"{path}: cannot be read ({error.strerror}); write the queries there") from None
-        except (ValueError, EOFError):
+        except ValueError:
             raise Refused("input", f"{path}: is no array; write it with numpy.save") from None
     check_queries(arrays["rates"], arrays["keys"], inputs, folder)
     if biased:

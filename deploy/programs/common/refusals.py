@@ -1,5 +1,7 @@
 """What the host programs say when they cannot go on."""
 
+LONGEST = 600
+
 
 class Refused(Exception):
     """What is wrong, in one line. `stage` is bundle, input, missing, start, run or result; `details` is a traceback,
@@ -8,8 +10,14 @@ class Refused(Exception):
     output = ""
 
     def __init__(self, stage: str, text: str, details: str = "") -> None:
-        super().__init__(" ".join(text.split()))
+        super().__init__(plain(" ".join(text.split())))
         self.stage, self.details = stage, details
+
+
+def plain(text: str) -> str:
+    """What a terminal may be sent of ``text``: other characters as their escapes, and not the middle of a long one."""
+    shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    return shown if len(shown) <= LONGEST else shown[: LONGEST // 2] + "..." + shown[-LONGEST // 2 :]
 
 
 def told(error: BaseException) -> str:

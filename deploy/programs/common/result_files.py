@@ -10,7 +10,7 @@ from typing import Optional, Union
 
 import numpy as np
 
-from refusals import Refused
+from refusals import Refused, plain
 
 FAILURE = "failure.txt"
 
@@ -86,5 +86,5 @@ def fail(stage: str, text: str, details: str = "") -> None:
         with contextlib.suppress(OSError), open(path, "w", encoding="utf-8", errors="backslashreplace") as file:
             file.write(details)
             line += "; traceback: " + path
-    sys.stderr.write(line + "\n")
+    sys.stderr.write(plain(line) + "\n")
     sys.stderr.flush()
