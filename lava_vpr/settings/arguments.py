@@ -56,7 +56,7 @@ _ARGUMENTS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "adapt": (lambda value: _measured(value) and value >= 1, "a number of images, at least 1"),
     "target_precision": _NUMBER,
     "stamp": (_measured, "a number of seconds"),
-    "odometry": (_measured, "a number of metres"),
+    "odometry": (_measured, "a finite number of metres (leave it out where unknown)"),
     "every": _ABOVE_0,
     "spacing": _ABOVE_0,
     "keyframes": _ABOVE_0,
