@@ -192,15 +192,19 @@ def _field(data: bytes, root: int, number: int, layout: str, *, offset: bool = F
     return int(table + place + value if offset else value)
 
 
+_HEADS = 128
+"""Bytes of a packet beside its events, at most: three numbers, two tables of one field and what aligns them."""
+
+
 def _elements(packet: bytes) -> Any:
     """The events in an unpacked packet: its length, then the flatbuffer, whose first field is the list of them."""
     if _slice(packet, 8, 4) != b"EVTS":
         raise _BrokenError("a packet of the stream of events that holds none")
     at = _field(packet, 4, 0, "<I", offset=True)
-    if at is None:
-        return np.empty(0, EVENT)
-    (count,) = struct.unpack("<I", _slice(packet, at, 4))
-    return np.frombuffer(_slice(packet, at + 4, count * EVENT.itemsize), EVENT)
+    count = 0 if at is None else struct.unpack("<I", _slice(packet, at, 4))[0]
+    if len(packet) - count * EVENT.itemsize > _HEADS:
+        raise _BrokenError(f"a packet of {len(packet):,} bytes that tells {count:,} events")
+    return np.frombuffer(b"" if at is None else _slice(packet, at + 4, count * EVENT.itemsize), EVENT)
 
 
 def _described(text: bytes, where: str) -> tuple[int, tuple[int, int]]:

@@ -85,6 +85,15 @@ def test_a_packet_of_a_stream_that_is_not_described_is_refused(tmp_path: Path) -
     refused(path, "a packet of stream 1, which its description does not name")
 
 
+def test_a_packet_without_a_list_or_with_a_shorter_one_is_refused(tmp_path: Path) -> None:
+    path = aedat4(tmp_path / "a.aedat4", EVENTS, 0)
+    data = path.read_bytes()
+    table = data.rindex(b"EVTS") + 8  # of the last packet
+    for at, lost in ((table, b"\0\0"), (data.index(b"\xf4\1\0\0", table), b"\0\0\0\0")):
+        path.write_bytes(data[:at] + lost + data[at + len(lost) :])
+        refused(path, "bytes that tells 0 events")
+
+
 def test_more_than_a_block_is_read_in_pieces(tmp_path: Path) -> None:
     many = made(2 * BLOCK + 7)
     for kind in ("dsec", "tonic", "apart", "metavision"):
@@ -308,6 +317,12 @@ def test_a_traverse_of_events_is_its_windows(tmp_path: Path) -> None:
     np.testing.assert_array_equal(backwards.load(1), images[2])
     assert backwards.stamps is not None
     assert backwards.stamps.tolist() == whole.stamps[[5, 2, 2, 0]].tolist()
+
+
+def test_times_that_overflow_are_refused_without_a_warning(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    np.savez(path, t=np.array([0.0, 1e306]), x=[0, 1], y=[0, 1])
+    refused(path, "event 1 has the time 1e+306")
 
 
 def test_events_that_are_zeros_at_the_end_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
