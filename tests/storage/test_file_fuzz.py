@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from support.common import children
-from support.fuzz import corpus, run
+from support.fuzz import corpus, damage, run
 from support.fuzz.changes import sealed_bundle
 from support.fuzz.corpus import Corpus
 
@@ -37,9 +37,10 @@ def fuzz(*words: object, code: str = "") -> subprocess.CompletedProcess[str]:
 
 def test_honest_files_are_equal_when_they_are_written_again(honest: Corpus) -> None:
     cases = run.honest(honest)
-    assert len(cases) == 33
+    assert len(cases) == 66
     for case in cases:
-        assert run.tried(case, honest) == (run.SOUND, ""), case
+        expected = run.WHOLE if case.format in damage.READERS else run.SOUND
+        assert run.tried(case, honest) == (expected, ""), case
     for files in honest.files["bundle"].values():
         assert sealed_bundle(files).keys() == files.keys()
 
@@ -54,6 +55,28 @@ def test_models_that_lost_places(honest: Corpus, name: str, tmp_path: Path) -> N
         case = run.Case("model", name, {"m.lvpr": (tmp_path / "m.lvpr").read_bytes()})
         assert run.tried(case, honest) == (run.SOUND, "")
         assert any(part.removed for part in made.stretches)
+
+
+@pytest.mark.parametrize(
+    ("format", "name", "kind", "why"),
+    [
+        ("vectors", "v.npy", "cut", "is cut"),
+        ("vectors", "v.npy", "turned", "zeros at its end"),
+        ("vectors", "plain.npz", "turned", "has a checksum"),
+        ("vectors", "plain.npz", "doubled", "names an array twice"),
+        ("video", "v.avi", "turned", "7, not 8"),
+    ],
+)
+def test_a_damaged_file_that_is_taken_is_told(
+    honest: Corpus, format: str, name: str, kind: str, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Readers that take it all, and give what is told of the whole file and then of the damaged one."""
+    given = iter([(8, b"whole", False), (7 if "7" in why else 8, b"other", "zeros" in why)])
+    monkeypatch.setitem(damage.READERS, format, lambda _: next(given))
+    whole = honest.files[format][name][name]
+    (tmp_path / name).write_bytes(whole[:-1] + b"?")
+    with pytest.raises(damage.WrongError, match=f"and taken: .*{why}"):
+        damage.judged(format, tmp_path / name, whole, kind)
 
 
 def test_seed_and_number_decide_a_case(honest: Corpus) -> None:

@@ -1,6 +1,6 @@
 """Files of events, written plainly: AEDAT4 byte by byte, HDF5 and npz in the layouts of the field.
 
-Used by cli, events, storage and vectors.
+Used by cli, events, storage, support and vectors.
 """
 
 from __future__ import annotations

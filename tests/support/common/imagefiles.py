@@ -1,6 +1,6 @@
 """Pictures, and image and video files made by hand.
 
-Used by bench, cli, core, events, images, positions, training, vectors and watch.
+Used by bench, cli, core, events, images, positions, support, training, vectors and watch.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from support.fuzz import damage
 from support.fuzz.changes import Files, stored
 
 from lava_vpr.cluster.tasks import ONE_THREAD
@@ -131,6 +132,7 @@ def make(folder: Path) -> Corpus:
         for bundle, (of, board, learns) in BUNDLES.items():
             if of == name:
                 made.files["bundle"][bundle] = _deployed(model, board, learns, folder / bundle)
+    made.files |= damage.files(folder)
     return made
 
 
