@@ -145,8 +145,8 @@ def test_on_loihi_2_inputs_integrate_a_bias_unless_asked(here: Path) -> None:
 def test_what_a_bundle_relies_on_without_a_source_is_said(here: Path) -> None:
     narrow = "; synapseFmt.wgtBits (weights of fewer than 8 bits); Wgt with fewer bits: the upper ones"
     for words, every, own in (
-        (("--target", "kapoho-bay"), 8, narrow),
-        (("--target", "kapoho-bay", "--weight-bits", 7), 8, ""),
+        (("--target", "kapoho-bay"), 9, narrow),
+        (("--target", "kapoho-bay", "--weight-bits", 7), 9, ""),
         (("--target", "loihi2", "--input-mode", "injected"), 3, "; the longest interval between two resets"),
     ):
         deployed = run("deploy", "m.lvpr", *words, "-o", "b")
