@@ -61,12 +61,15 @@ IN_THE_LOCK = """
 import os, subprocess, sys
 number, wait = int(sys.argv.pop(1)), subprocess.Popen._wait
 def told(child, timeout):
+    if not interrupts.begun():  # what is loaded may start a program, too, and a signal then ends all at once
+        return wait(child, timeout)
     subprocess.Popen._wait = wait
     child._waitpid_lock.acquire()
     os.kill(os.getpid(), number)
     child._waitpid_lock.release()
     return wait(child, timeout)
 subprocess.Popen._wait = told
+from lava_vpr import interrupts
 from lava_vpr.__main__ import run
 run()
 """
