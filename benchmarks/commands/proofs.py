@@ -1,4 +1,4 @@
-"""Proofs as tables: each row is a command that fails if anything differs, and what it prints of how much it compared.
+"""Proofs as tables: each row is a command and what it prints; one that compares fails if anything differs.
 
     LAVA_VPR_DATA=... python -m benchmarks commands.proofs exactness [--row 2 ...] [--record]
 
@@ -119,13 +119,21 @@ def compared(proof: Proof) -> str:
 
 @program("nordland")
 @click.argument("name", type=click.Choice(list(PROOFS)))
-@click.option("--row", "chosen", type=int, multiple=True, help="Run these rows alone, counted from 1 (default: all).")
+@click.option(
+    "--row",
+    "chosen",
+    type=click.IntRange(1),
+    multiple=True,
+    help="Run these rows alone, counted from 1 (default: all).",
+)
 def main(name: str, chosen: Sequence[int]) -> Printed:
     """Run proofs."""
-    rows = []
+    if max(chosen, default=1) > len(PROOFS[name]):
+        raise InputError(f"--row {max(chosen)}: {name} has {len(PROOFS[name])} rows; name one of them")
+    known, rows = {what: much for what, much, _ in figures.read(name).rows} if chosen else {}, []
     for number, proof in enumerate(PROOFS[name], start=1):
         run = not chosen or number in chosen
-        much = compared(proof) if run else figures.read(name).rows[number - 1][1]
+        much = compared(proof) if run else known[proof.what]
         rows.append([proof.what, much, f"`{proof.command}`"])
-    columns = ["compared", "so much, and nothing differs", "command"]
+    columns = ["what", "found", "command"]
     yield BenchmarkTable(columns, rows, title=name, words=3, long=frozenset({0, 2}), record=name)

@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.places import FOLDERS, images_of, learned, places
 from benchmarks.program import BenchmarkTable, Printed, program, turns
 from benchmarks.results.rows import Record, ResultRow
-from benchmarks.results.tables import DEFAULT, ENERGY_OF, GARDENS, SIMPLER
+from benchmarks.results.tables import DEFAULT, ENERGY_OF, GARDENS, LEARNED, SIMPLER
 from lava_vpr.backends.interface import HostBackend
 from lava_vpr.bench.measure.matchers import alone, beside_board
 from lava_vpr.bench.measure.timing import each_image, measure_encoding
@@ -44,7 +44,7 @@ COUNTED = 100
 
 def rivals(case: str) -> tuple[str, ...]:
     """The baselines that are timed on the places of a case: those of the other presets are the default one's."""
-    return tuple(BEFORE) if case == DEFAULT else () if ENERGY_OF[case].name.endswith("sections") else ("cosine",)
+    return tuple(BEFORE) if case == DEFAULT else () if case in LEARNED else ("cosine",)
 
 
 def asked(row: ResultRow) -> tuple[QuerySet, Modelled]:

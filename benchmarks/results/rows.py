@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.places import PlacesSection, learned, places
+from benchmarks.program import ROOT
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.cluster.tasks import Pool
@@ -145,7 +146,6 @@ def _costs(model: Model, section: PlacesSection) -> Figures:
     return {} if costs is None else {"costs": [round(costs.microjoules, 4), round(costs.milliseconds, 5)]}
 
 
-ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "docs" / "results.json"
 REMEDY = "run `make results` (LAVA_VPR_DATA names the images), and commit docs/results.json and the pages"
 
@@ -252,7 +252,8 @@ class Record:
 
         No figure is finer than a query among those of the sections.
         """
-        queries = sum(section.end - section.first for section in sections or row.sections)
+        shown = STANDING if row.standing else 1
+        queries = sum((one.end - one.first) * shown - row.sequence + 1 for one in sections or row.sections)
         seeds = np.array([self.mean(row, matcher, sections, (seed,)) for seed in SEEDS])[:, :figures]
         mean, low, high = (
             [rounded(value, queries) for value in values] for values in (seeds.mean(0), seeds.min(0), seeds.max(0))

@@ -19,14 +19,13 @@ from pathlib import Path
 
 import click
 
-from benchmarks.program import BenchmarkTable, Printed, program, turns
+from benchmarks.program import ROOT, BenchmarkTable, Printed, program, turns
 from benchmarks.versions.worker import VersionCase
 from lava_vpr.config import integer_config, preset
 from lava_vpr.configfile import to_dict
 from lava_vpr.engine.inference.fixed import silent_steps
 from lava_vpr.errors import InputError
 
-ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = Path(__file__).with_name("worker.py")
 
 
@@ -41,6 +40,18 @@ def cases() -> list[VersionCase]:
     return made
 
 
+def python_of(checkout: Path) -> Path:
+    """The Python of a checkout.
+
+    Raises:
+        InputError: it has none of its own.
+    """
+    python = checkout / ".venv" / "bin" / "python"
+    if not python.exists():
+        raise InputError(f"{checkout}: has no .venv; run make lint there, or name another checkout")
+    return python
+
+
 class Worker:
     """A process that runs cases in a checkout when it is told to.
 
@@ -52,12 +63,9 @@ class Worker:
     """
 
     def __init__(self, checkout: Path, cases: list[VersionCase]) -> None:
-        python = checkout / ".venv" / "bin" / "python"
-        if not python.exists():
-            raise InputError(f"{checkout}: has no .venv; run make lint there, or name another checkout")
         self._checkout = checkout
         self._process = subprocess.Popen(
-            [python, SCRIPT, json.dumps([asdict(case) for case in cases])],
+            [python_of(checkout), SCRIPT, json.dumps([asdict(case) for case in cases])],
             cwd=checkout,
             env={**os.environ, "PYTHONPATH": str(checkout)},
             stdin=subprocess.PIPE,

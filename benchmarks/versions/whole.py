@@ -16,11 +16,10 @@ import click
 
 from benchmarks.commands.running import command_run
 from benchmarks.places import images_of
-from benchmarks.program import BenchmarkTable, Printed, program, turns
+from benchmarks.program import ROOT, BenchmarkTable, Printed, program, turns
+from benchmarks.versions.beside import python_of
 from lava_vpr.storage.writing import temporary_folder
 
-ROOT = Path(__file__).resolve().parents[2]
-PYTHON = Path(".venv", "bin", "python")
 PLACES = (100, 500)
 TIMES = """
 import json, sys, time
@@ -49,7 +48,7 @@ print(json.dumps(found), file=open("times.json", "w"))
 
 def measured(checkout: Path, place: Path) -> dict[str, float]:
     """Seconds of processor time of everything, by its name, once; models of the checkout are in ``place``."""
-    python, winter = checkout / PYTHON, images_of("nordland", "winter").absolute()
+    python, winter = python_of(checkout), images_of("nordland", "winter").absolute()
     names = sorted(winter.iterdir())[:40]
     command_run(place, python, "-c", TIMES, json.dumps(PLACES), "%d.lvpr", *names)
     found: dict[str, float] = json.loads((place / "times.json").read_text())
@@ -68,11 +67,11 @@ def main(other: Path, rounds: int) -> Printed:
     """Processor time of encoding, updates and commands, here and in the checkout OTHER."""
     with temporary_folder() as place:
         sides = {checkout: place / str(number) for number, checkout in enumerate((ROOT, other))}
-        for checkout, folder in sides.items():
+        for python, folder in zip(map(python_of, sides), sides.values(), strict=True):
             folder.mkdir()
             for places in PLACES:
                 words = ("train", images_of("nordland", "summer").absolute(), "--places", f"0:{places}")
-                command_run(folder, checkout / PYTHON, "-m", "lava_vpr", *words, "-o", f"{places}.lvpr")
+                command_run(folder, python, "-m", "lava_vpr", *words, "-o", f"{places}.lvpr")
         taken = turns({checkout: partial(measured, checkout, folder) for checkout, folder in sides.items()}, rounds)
     rows = []
     for name in taken[ROOT][0]:

@@ -133,6 +133,14 @@ def test_no_figure_is_finer_than_a_query(queries: int, percent: float, shown: st
     assert rows.rounded(percent, queries) == shown
 
 
+def test_figures_are_shares_of_the_queries_that_were_asked() -> None:
+    """Sequences of 5 ask 496 of 500 places; where each is seen 20 times, ten thousand are asked."""
+    by_name, kept = {row.name: row for row in tables.ROWS}, Record.read()
+    assert kept.cell(by_name["500 places, sequences of 5"], "sad", figures=2) == "83.7 / 65.9"  # 415 and 327 of 496
+    standing = by_name[f"five sections, each image {rows.STANDING} times with noise"]
+    assert kept.cell(standing, "template", figures=1).startswith("96.1 ")
+
+
 @pytest.mark.data
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", tables.KINDS)

@@ -129,7 +129,11 @@ def test_rows_of_proofs_are_commands_that_exist(name: str) -> None:
     for proof, (_, much, _) in zip(PROOFS[name], record.rows, strict=True):
         words = proof.command.split()
         assert re.search(r"\d", much), proof.what
-        assert (pages.ROOT / words[-1]).exists() or words[0] == "lava-vpr" or words[-1] in benchmarks.names()
+        assert re.compile(proof.printed).groups
+        if words[0] == "lava-vpr":
+            assert words[1] in main.list_commands(click.Context(main))
+        else:
+            assert (pages.ROOT / words[-1]).exists() or words[-1] in benchmarks.names()
 
 
 def test_presets_are_alike_in_what_the_page_does_not_name() -> None:

@@ -35,7 +35,7 @@ _WAYS = {
     "sad": "SAD, no network",
     "hog": "HOG, no network",
 }
-WATTS = "{:g} W ({:g} to {:g})".format(*(HOST_POWER.at(level) / 1e3 for level in ("nominal", "low", "high")))
+_WATTS = "{:g} W ({:g} to {:g})".format(*(HOST_POWER.at(level) / 1e3 for level in ("nominal", "low", "high")))
 
 WHOLE, WITHOUT_ENCODING, DYNAMIC = "a whole query", "all but the encoding", "board, dynamic, modelled"
 _ENERGIES: tuple[tuple[str, Callable[[AnsweringWay], Estimate | None]], ...] = (
@@ -50,7 +50,7 @@ _ENERGIES: tuple[tuple[str, Callable[[AnsweringWay], Estimate | None]], ...] = (
 
 _ENERGY_NOTE = (
     "Nominal (low to high). Board: modelled, all its chips, used or not. Processor: median time of single queries on "
-    f"one thread of this machine, measured, times an assumed {WATTS}. Its idle power, packing for USB, and a camera "
+    f"one thread of this machine, measured, times an assumed {_WATTS}. Its idle power, packing for USB, and a camera "
     "are in no figure."
 )
 
@@ -355,7 +355,7 @@ def energy(
     times = (("processor's time, ms: match or its part", "work"), ("processor's time, ms: encoding", "encoding"))
     rows += [(text, *(figure(getattr(way, f"{name}_milliseconds")) for way in ways)) for text, name in times]
     return Table(
-        title=f"energy of a query, all of it, uJ: a processor of {WATTS}{images}",
+        title=f"energy of a query, all of it, uJ: a processor of {_WATTS}{images}",
         columns=("energy, uJ", *heads),
         rows=tuple(rows) if ways else (),
         strong=frozenset(k for k, row in enumerate(rows) if row[0] in (WHOLE, WITHOUT_ENCODING)),
