@@ -34,7 +34,6 @@ from lava_vpr.events.stream import (
 from lava_vpr.storage.arrays import (
     ARCHIVE_ERRORS,
     NPY_BEGIN,
-    ArrayHeader,
     array_header,
     entries_of,
     header_length,
@@ -221,7 +220,7 @@ def npz(path: Path) -> Iterator[Holder]:
             def take(member: _Member, first: int, count: int) -> NDArray[Any]:
                 if member.name not in streams:
                     streams[member.name] = stack.enter_context(archive.open(member.name))
-                    _header(streams[member.name])
+                    streams[member.name].read(header_length(streams[member.name].read(NPY_BEGIN)) - NPY_BEGIN)
                 return _next(streams[member.name], member, count)
 
             yield Holder(
@@ -239,6 +238,8 @@ def npz(path: Path) -> Iterator[Holder]:
     except ARCHIVE_ERRORS as error:
         why = shown(" ".join(str(error).split())[:160])
         raise InputError(f"{shown(path)}: is damaged, cut short or no .npz file ({why}); copy it again") from None
+    except MemoryError:
+        raise InputError(f"{shown(path)}: cannot be unpacked (MemoryError); {_SAVE_IT}") from None
 
 
 def _members(archive: zipfile.ZipFile) -> dict[str, _Member]:
@@ -249,20 +250,20 @@ def _members(archive: zipfile.ZipFile) -> dict[str, _Member]:
         if suffix != ".npy":
             continue
         with archive.open(entry) as stream:
-            length, header = _header(stream)
+            begin = stream.read(NPY_BEGIN)
+            length = header_length(begin)
+            try:
+                header = array_header(begin + stream.read(length - len(begin)))
+            except ValueError:  # a kind of table that holds no events here; whole, or its checksum says otherwise
+                while stream.read(BLOCK):
+                    pass
+                continue
         if len(header.shape) == 1 and header.dtype is not None:
             member = _Member(entry.filename, header.dtype, header.shape[0])
             if entry.file_size != length + member.length * member.dtype.itemsize:
                 raise ValueError(f"{name} is not as long as its header says")
             found[name] = member
     return found
-
-
-def _header(stream: Any) -> tuple[int, ArrayHeader]:
-    """The header of the array that begins here, and its length; no object is made of what it says."""
-    begin = stream.read(NPY_BEGIN)
-    length = header_length(begin)
-    return length, array_header(begin + stream.read(length - len(begin)))
 
 
 def _size_npz(

@@ -105,6 +105,8 @@ def _messages(path: Path, topic: str | None) -> Iterator[tuple[int, Any, str]]:
             rest = iter(reader.messages(connections=chosen))
             listed = reader.topics[chosen[0].topic]
         wanted = listed.msgcount if len(listed.connections) == len(chosen) else None
+        if path.suffix.lower() == ".mcap":  # without counts rosbags says 0
+            wanted = wanted or None
         for number in count():
             with _told(path):
                 found = next(rest, None)

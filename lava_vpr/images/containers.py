@@ -142,8 +142,10 @@ class _Track:
     def least(self, movie_scale: int) -> int:
         """Frames that it shows at least, beside those at the rounded ends of its edit list; 0 if it does not tell."""
         steps, sizes, moved = self.table(b"stts", ">u4,>u4"), self.sizes(), self.table(b"ctts", ">i4,>i4")
-        if steps[:, 0].sum() != len(sizes):
+        if len(sizes) and steps[:, 0].sum() != len(sizes):  # compact sizes are not counted here
             raise DamagedError(f"it has times of {steps[:, 0].sum():,} frames, and sizes of {len(sizes):,}")
+        if (moved[:, :1] < 0).any():
+            raise DamagedError("its table 'ctts' has a negative count")
         if b"elst" not in self.boxes or not len(sizes):
             return len(sizes)
         edits, scale = self.edits(), self.scale()

@@ -151,7 +151,8 @@ def _note(header: Header, image: NDArray[Any], where: str) -> None:
         (
             "bits",
             0 < bits <= _FEW_BITS,
-            f"its values fill only {bits} of 16 bits and are read as nearly black; multiply them by {1 << 16 - bits}",
+            f"its values fill only {bits} of 16 bits and are read as nearly black; multiply all images by one number, "
+            f"at most {1 << 16 - bits}",
         ),
         (
             "zeros",

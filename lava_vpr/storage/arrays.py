@@ -115,7 +115,7 @@ NPY_BEGIN = len(_MAGIC) + 2
 _NO_ARRAY = "is no array of numbers (it does not begin as numpy.save would write it)"
 _HEADER = re.compile(
     rb"\{ ?'descr': ?(?:'([^']{1,8})'|\[([^\[\]{}]{1,8000})\]), ?'fortran_order': ?(True|False), "
-    rb"?'shape': ?\(([0-9, ]{0,120})\),? ?\} *\n?"
+    rb"?'shape': ?\(([0-9L, ]{0,120})\),? ?\} *\n?"
 )
 _TYPE = re.compile(r"[<>|][biufcmMSUV]\d{1,4}")
 _FIELD = re.compile(rf"\('([^'\\]{{0,64}})', '({_TYPE.pattern})'(?:, \((\d{{1,4}}),\))?\)(?:, |$)")
@@ -170,7 +170,7 @@ def array_header(head: bytes | memoryview) -> ArrayHeader:
     found = _HEADER.fullmatch(head[NPY_BEGIN:])
     if found is None:
         raise ValueError(_NO_ARRAY)
-    sizes = tuple(int(size) for size in found[4].split(b",") if size.strip())
+    sizes = tuple(int(size.rstrip(b"L")) for size in found[4].split(b",") if size.strip())  # 3L: of Python 2
     if len(sizes) > _MOST_AXES or max(sizes, default=0) > _LONGEST_AXIS:
         raise ValueError(f"is no array of numbers (its header says {brief(sizes)})")
     order: Literal["C", "F"] = "F" if found[3] == b"True" else "C"
@@ -230,7 +230,7 @@ def _type(header: ArrayHeader, kinds: str) -> np.dtype[Any]:
 
 def zeros_at_end(array: NDArray[Any], before: int = 0) -> int:
     """How many of the last rows of an ``array`` (rows, ...) are 0; ``before``: of the rows that stand before it."""
-    rows = np.flatnonzero(array.reshape(len(array), -1).any(axis=1)) if array.size else array
+    rows = np.flatnonzero(array.any(axis=tuple(range(1, array.ndim))))
     return len(array) - 1 - int(rows[-1]) if len(rows) else before + len(array)
 
 

@@ -319,8 +319,9 @@ def _array_entries(path: Path, query_indices: NDArray[np.int64], place_indices: 
     """Queries and their places, from a NumPy file of any of the three shapes."""
     wants = "integers (n,), rows of query and place (n, 2), or booleans (queries, places)"
     array = read_array(path, f"save {wants}")
-    note_zeros(array, shown(path))
     whole = array.dtype.kind in "iu"
+    if whole and (array.ndim == 1 or array.shape[1:] == (2,)):  # the last rows of a matrix may well have no place
+        note_zeros(array, shown(path))
     if array.ndim == 1 and whole:
         queries = _row_queries(path, len(array), query_indices).tolist()
         return zip(queries, ([place] if place >= 0 else [] for place in array.tolist()), strict=True)

@@ -415,7 +415,8 @@ def test_tables_of_every_type_of_number_are_read(kind: Any, tmp_path: Path) -> N
     table = np.zeros(len(EVENTS.t), np.dtype(kind or padded))
     table["x"], table["y"], table["t"] = EVENTS.x, EVENTS.y, EVENTS.t / (1e6 if kind else 1)
     np.savez(tmp_path / "a.npz", events=table)
-    np.savez(tmp_path / "b.npz", t=EVENTS.t.astype(">i8"), x=EVENTS.x, y=EVENTS.y)
+    beside = {"when": np.zeros(2, [("t", "<M8[us]")]), "grid": np.zeros(2, [("g", "<i2", (2, 3))])}  # of no use here
+    np.savez(tmp_path / "b.npz", t=EVENTS.t.astype(">i8"), x=EVENTS.x, y=EVENTS.y, **beside)
     for name in ("a.npz", "b.npz"):
         found = read(tmp_path / name)
         for part in ("t", "x", "y"):

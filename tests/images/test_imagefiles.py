@@ -296,7 +296,10 @@ _NOTED: dict[str, tuple[Callable[[], bytes], str]] = {
     "webp": (lambda: _animated("webp"), "holds several pictures"),
     "tiff": (lambda: _animated("tiff"), "holds several pictures"),
     "12.png": (lambda: image_bytes(".png", _BIG.astype(np.uint16) * 16), "fill only 12 of 16 bits and are read as"),
-    "10.tif": (lambda: image_bytes(".tif", _BIG.astype(np.uint16) * 4), "only 10 of 16 bits.*; multiply them by 64"),
+    "10.tif": (
+        lambda: image_bytes(".tif", _BIG.astype(np.uint16) * 4),
+        "only 10 of 16 bits.*; multiply all images by one number, at most 64",
+    ),
     "zeros.bmp": (lambda: image_bytes(".bmp", _FLAT), "the last 8 rows of pixels in the file are 0"),
     "zeros.tif": (lambda: image_bytes(".tif", _FLAT[::-1], 259, 1), "the last 8 rows of pixels in the file are 0"),
     "16.png": (lambda: image_bytes(".png", _BIG.astype(np.uint16) * 257), ""),

@@ -152,6 +152,14 @@ def test_one_frame_that_cannot_be_decoded_is_missed(tmp_path: Path) -> None:
     refused(lambda: open_traverse(written(tmp_path / "told.mp4", bytes(told))), counts)
 
 
+def test_frames_are_not_counted_by_compact_sizes_nor_moved_by_negative_counts(tmp_path: Path) -> None:
+    data = bytearray(video(tmp_path / "v.mp4", 30, 25.0, codec="mp4v").read_bytes())
+    struct.pack_into(">4sII", data, data.index(b"stsz"), b"stz2", 0, 16)
+    assert looked_at(written(tmp_path / "compact.mp4", bytes(data))).least == 0
+    struct.pack_into(">4sIIiI", data, data.index(b"stsc"), b"ctts", 0, 1, -1, 9)
+    refused(lambda: open_traverse(written(tmp_path / "moved.mp4", bytes(data))), "'ctts' has a negative count")
+
+
 def test_media_outside_the_file_s_parts_are_missed(tmp_path: Path) -> None:
     data = bytearray(video(tmp_path / "v.mp4", 30, 25.0, codec="mp4v").read_bytes())
     at = data.index(b"stco") + 12

@@ -70,6 +70,7 @@ class Original:
                 socket.send_fds(self._asked, [len(asked).to_bytes(8, "little")], [log])
                 self._asked.sendall(asked)
                 pid = int.from_bytes(_received(self._asked, 8), "little")
+                assert pid, "the process that is copied has ended"
                 assert children.until(lambda: _parent(pid) == os.getpid(), LONGEST)
             finally:
                 _adopt(False)

@@ -147,7 +147,7 @@ class Snip:
         for core, before in self.before.items():
             if FAULTS.stuck:  # what was cleared stands still, unless all phases were written
                 cleared = (before["state"]["V"] != 0) & (self.memory[core]["state"]["V"] == 0)
-                self.memory[core]["stands"] |= cleared & ~self.memory[core]["phases"].any()
+                self.memory[core]["stands"] |= cleared & ~self.memory[core]["phases"].all()
                 self.memory[core]["phases"] = self.flushed[core]["phases"] = 0
                 self.flushed[core]["stands"] = self.memory[core]["stands"]
             if FAULTS.stale and core not in self.whole:
