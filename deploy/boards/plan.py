@@ -162,7 +162,8 @@ class Plan:
             others = 12 * sum(exc) + sources + 2 * (exc_cores + targets)
             blocks = -(-network.inputs // 32)
             found.append((others + 2 * network.inputs * targets, others + 6 * blocks * targets))
-        return max(found)
+        most, masks = zip(*found, strict=True)
+        return max(most), max(masks)
 
     @property
     def single_bits(self) -> int:

@@ -28,8 +28,8 @@ def read(folder: str, name: str) -> bytes:
     """
     path = os.path.join(folder, *name.split("/"))
     try:
-        if not os.path.isfile(path):  # a pipe would be waited for
-            raise FileNotFoundError(2, "No such file or directory")
+        if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):  # a pipe would be waited for
+            raise OSError(22, "is no file")
         with open(path, "rb") as file:
             return file.read()
     except (OSError, ValueError) as error:  # the latter of a name that no file can have

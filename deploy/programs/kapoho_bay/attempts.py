@@ -1,6 +1,7 @@
 """The child of the host program in which rungs are tried: one that hangs or crashes costs one attempt."""
 
 import argparse
+import contextlib
 import json
 import os
 import shutil
@@ -11,9 +12,19 @@ import tempfile
 import time
 from typing import Any, Dict, FrozenSet, Optional
 
+from board_device import ATTEMPTS, START_SECONDS
+from refusals import plain
 from watchdog import GRACE
 
-LOOK, PATIENCE, KEPT = 0.01, 900.0, 4000  # seconds, the latter more than the child's own limits; characters of output
+LOOK, KEPT = 0.01, 4000  # seconds; characters of output
+
+
+def patience(options: argparse.Namespace, queries: int) -> float:
+    """Seconds after which a child hangs that presents so many queries: those of all its own limits together."""
+    batches = -(-max(1, queries) // options.batch)
+    return (1 + ATTEMPTS) * (START_SECONDS + GRACE) + batches * (
+        (options.timeout or 60.0 + 10.0 * options.batch) + GRACE
+    )
 
 
 class Attempts:
@@ -21,9 +32,11 @@ class Attempts:
 
     child: Any = None  # subprocess.Popen, while there is one
 
-    def __init__(self, program: str, options: argparse.Namespace) -> None:
+    def __init__(self, program: str, options: argparse.Namespace, queries: int) -> None:
         self.folder, self.number = tempfile.mkdtemp(prefix="kapoho-bay-"), 0
+        self.patience = patience(options, queries)
         given = ["--attempts", self.folder, "--timeout", str(options.timeout), "--batch", str(options.batch)]
+        given += ["--out", os.path.abspath(options.out)] if options.out else []
         self.command, self.log = [sys.executable, program, *given], os.path.join(self.folder, "log")
 
     def __enter__(self) -> "Attempts":
@@ -45,12 +58,13 @@ class Attempts:
             with open(answer, encoding="utf-8") as text:
                 result = dict(json.load(text))
         else:
-            result = {"error": " ".join((error + "".join(said.strip().splitlines()[-1:])).split())}
+            last = "".join(said.strip().splitlines()[-1:]) or "it wrote nothing"
+            result = {"error": plain(" ".join((error + last).split()))}
         return dict(result, output=(said + result.get("output", ""))[-KEPT:])
 
     def _wait(self, answer: str, line: str) -> Optional[str]:
         """Until the child has answered a line; what became of it if it does not."""
-        child, end = self.child, time.monotonic() + PATIENCE
+        child, end = self.child, time.monotonic() + self.patience
         try:
             child.stdin.write(line.encode())
             child.stdin.flush()
@@ -62,7 +76,7 @@ class Attempts:
                 return "" if child.returncode == 1 else "ended with code {}: ".format(child.returncode)
             if time.monotonic() > end:
                 self._end()
-                return "hung for {:g} s and was ended: ".format(PATIENCE)
+                return "hung for {:g} s and was ended: ".format(self.patience)
             time.sleep(LOOK)
         return None
 
@@ -70,7 +84,8 @@ class Attempts:
         """Let the child let go of the board; end it, and all that it started, if it does not."""
         if self.child is None:
             return
-        self.child.stdin.close()
+        with contextlib.suppress(OSError):  # what is left to be sent to one that has ended
+            self.child.stdin.close()
         try:
             self.child.wait(2 * GRACE)
         except subprocess.TimeoutExpired:

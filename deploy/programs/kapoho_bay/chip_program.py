@@ -110,10 +110,11 @@ def _targets(axons: np.ndarray, masks: bool) -> list:
 
 
 def table_bytes(network: Network, chip: int) -> int:
-    """Bytes that the tables of a chip's program take."""
+    """Bytes that the tables of a chip's program take, and the counts that it keeps."""
     text = header(network, chip, lambda core: core)
     numbers = [(kind, len(re.findall(r"\d+", values))) for kind, values in re.findall(r"const (\S+) .* = (.*);", text)]
-    return sum((4 if kind == "uint32_t" else 2) * count for kind, count in numbers)
+    counts = 4 * int((network.exc[:, 0] == chip).sum())
+    return counts + sum((4 if kind == "uint32_t" else 2) * count for kind, count in numbers)
 
 
 def table(kind: str, name: str, rows: list, inner: str = "") -> str:

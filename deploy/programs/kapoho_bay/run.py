@@ -127,7 +127,8 @@ class KapohoBay(host.Host):
         if self.options.simulate:
             yield self.attempt
             return
-        with Attempts(os.path.join(self.bundle.folder, "program", "run.py"), self.options) as attempts:
+        queries = len(self.bundle.array("host/labels.npy"))
+        with Attempts(os.path.join(self.bundle.folder, "program", "run.py"), self.options, queries) as attempts:
             yield attempts
 
     def ask(self, rung: Rung) -> np.ndarray:

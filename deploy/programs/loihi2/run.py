@@ -116,8 +116,8 @@ class Loihi2(host.Host):
         if "injected" in self.taken:
             parameters = in_mode(parameters, bias=False)
         every = [arrays]
-        if "fresh" in self.taken and self.options.power:
-            raise Refused("input", "--power needs all queries in one run; leave out --ways fresh")
+        if self.options.power and self.taken & {"fresh", "scalars"}:
+            raise Refused("input", "--power needs all queries in one run; leave out --ways fresh and scalars")
         if "fresh" in self.taken:
             queries = ("rates", "keys", "biases", "exponents")
             every = [

@@ -70,7 +70,7 @@ FORGED: dict[str, tuple[Any, str]] = {
     "a terminal's": ({"files": {"\x1b[2J\u202e": {"bytes": 1, "sha256": ""}}}, r"\x1b[2J\u202e: cannot be read ("),
     "a board": ({"target": "\x1b[2J"}, r"is lava-vpr bundle 1 for \x1b[2J, not "),
     "long": ({"files": {"x" * 9999: {"bytes": 1, "sha256": ""}}}, "..."),
-    "a pipe": (None, "cannot be read (No such file or directory)"),
+    "a pipe": (None, "cannot be read (is no file)"),
 }
 
 

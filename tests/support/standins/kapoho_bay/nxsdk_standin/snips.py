@@ -145,9 +145,9 @@ class Snip:
         if self.error is not None:
             raise self.error
         for core, before in self.before.items():
-            if FAULTS.stuck:  # what was cleared stands still, unless all phases were written
+            if FAULTS.stuck:  # what was cleared stands still, unless its phase was written
                 cleared = (before["state"]["V"] != 0) & (self.memory[core]["state"]["V"] == 0)
-                self.memory[core]["stands"] |= cleared & ~self.memory[core]["phases"].all()
+                self.memory[core]["stands"] |= cleared & ~np.repeat(self.memory[core]["phases"] != 0, 4)
                 self.memory[core]["phases"] = self.flushed[core]["phases"] = 0
                 self.flushed[core]["stands"] = self.memory[core]["stands"]
             if FAULTS.stale and core not in self.whole:
