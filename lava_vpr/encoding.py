@@ -166,7 +166,7 @@ def image_traverse(images: Sequence[NDArray[Any]]) -> Traverse:
 def _images(images: Sequence[NDArray[Any]], names: Sequence[str] | None = None) -> Sequence[NDArray[Any]]:
     """``images``, each seen to be one, and none larger than a picture in a file may be."""
     for number, image in enumerate(images):
-        said = f"image {number}" if names is None else names[number]
+        said = f"image {number}" if names is None else shown(names[number])
         try:
             array = np.asarray(image)
         except ValueError:  # rows of unequal length

@@ -44,8 +44,8 @@ class Localizer:
     """Says where a robot is, image by image, from a map of places.
 
     It computes in the caller's thread, opens no file after the map is read, and needs no more memory for more images.
-    A copy of it, pickled or not, goes on where it was. One thread at a time may use it: each call changes what is
-    believed, and `add` and `remove` change the map. Threads may share a `Model`, which nothing changes; give each
+    A deep copy of it, or a pickled one, goes on where it was. One thread at a time may use it: each call changes what
+    is believed, and `add` and `remove` change the map. Threads may share a `Model`, which nothing changes; give each
     thread a localizer of its own.
 
     Args:

@@ -269,8 +269,7 @@ def recognise(
         calibration = comparison.calibration if answers_here else None
         keep = comparison.keep_scores and (answers_here or name not in DECODERS)
         seen = pace if answers_here else None
-        nobody_asked = DECODERS.spared(name) if name in DECODERS and not answers_here else nullcontext()
-        with nobody_asked:
+        with nullcontext() if answers_here else DECODERS.spared(name):
             held[name] = hold(matcher, scores, truth, Together(sequence, NONE, calibration), pace=seen, keep=keep)
         if answers_here and comparison.motion != NONE and sequence == 1:
             moving = Motion().moving(shown.rates[: len(queries)])

@@ -3,7 +3,8 @@
     LAVA_VPR_DATA=... python -m benchmarks versions.whole CHECKOUT [--rounds 5]
 
 Each checkout learns 100 and 500 summer images by its own preset, and is asked by winter images. Figures are processor
-time of all threads, the least of all rounds, because other programs share the machine; commands with their start.
+time of all threads, the least of all rounds, because other programs share the machine: of each image, of which the
+median one stands here, and of commands with their start.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from lava_vpr.config import preset
 from lava_vpr.encoding import activity_of
 from lava_vpr.localizer import Localizer
 images, encoder = [cv2.imread(name) for name in sys.argv[3:]], preset("loihi").encoder
-def least(ask, over, rounds):
+def usual(ask, over, rounds):
     best = [9e9] * len(over)
     for _ in range(rounds):
         for k, image in enumerate(over):
@@ -38,10 +39,10 @@ def least(ask, over, rounds):
     return sorted(best)[len(best) // 2]
 found = {"an image of 64 x 32 encoded": least(lambda image: activity_of(image, encoder), images, 50)}
 large = [cv2.resize(image, (1920, 1080)) for image in images[:2]]
-found["one of 1920 x 1080"] = least(lambda image: activity_of(image, encoder), large, 20)
+found["one of 1920 x 1080"] = usual(lambda image: activity_of(image, encoder), large, 20)
 for places in json.loads(sys.argv[1]):
     update = Localizer(sys.argv[2] % places).update
-    found[f"`Localizer.update`, {places} places"] = least(update, images, 20)
+    found[f"`Localizer.update`, {places} places"] = usual(update, images, 20)
 print(json.dumps(found), file=open("times.json", "w"))
 """
 

@@ -110,8 +110,11 @@ def _check_opencv() -> None:
         return
     from lava_vpr.isolated.child import run_child
 
-    tried = run_child([sys.executable, "-c", "import cv2; cv2.resize(cv2.UMat(9, 9, 0).get(), (5, 5))"], seconds=60)
-    if tried.code:
+    words = (
+        "import sys; sys.path.pop(0); import cv2; cv2.resize(cv2.UMat(9, 9, 0).get(), (5, 5))"  # no cv2.py from here
+    )
+    tried = run_child([sys.executable, "-c", words], seconds=60)
+    if tried.code and "ImportError" not in tried.last and "ModuleNotFoundError" not in tried.last:
         raise ConfigError(f"OpenCV cannot start ({tried.last}); correct or unset its variables: {', '.join(told)}")
 
 

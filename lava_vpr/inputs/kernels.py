@@ -117,9 +117,9 @@ def area_means(image: NDArray[np.uint8], height: int, width: int) -> NDArray[np.
 @compiled(error_model="numpy")
 def _reflected(k: int, side: int) -> int:
     """Where a pixel beyond an edge is looked for: mirrored at the last one, as often as it takes."""
-    while k < 0 or k >= side:
+    while side > 1 and (k < 0 or k >= side):
         k = -k if k < 0 else 2 * (side - 1) - k
-    return k
+    return k if side > 1 else 0
 
 
 @compiled(error_model="numpy")

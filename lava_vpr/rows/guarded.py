@@ -6,7 +6,10 @@ that a user can cause (`LavaVprError`), a lack of memory and a signal pass as th
 
 from __future__ import annotations
 
+import array
 import dataclasses
+import operator
+import types
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
@@ -18,8 +21,12 @@ import numpy as np
 from lava_vpr.errors import LavaVprError, PluginError
 
 _PLAIN = (type(None), str, bytes, int, float, np.ndarray, np.generic, Path, BaseException, type)
+_PLAIN += (memoryview, array.array, set, frozenset, range)
 """What has no code of a package that anybody here would call."""
 _OURS = __name__.partition(".")[0]
+_FUNCTIONS = (types.FunctionType, types.MethodType, types.BuiltinFunctionType, partial)
+PASSES = (MemoryError, KeyboardInterrupt)
+"""What is no fault of a package."""
 
 
 def cause(error: BaseException) -> str:
@@ -32,7 +39,7 @@ def _named(called: str) -> Iterator[None]:
     """Turn what is raised into a `PluginError` of what is ``called`` so."""
     try:
         yield
-    except (LavaVprError, MemoryError, KeyboardInterrupt):
+    except (LavaVprError, *PASSES):
         raise
     except BaseException as error:  # whatever a package of somebody does
         raise PluginError(f"{called} failed ({cause(error)}); update or uninstall that package") from error
@@ -58,7 +65,7 @@ def guarded(value: Any, called: str) -> Any:
         return _walked(value, called)
     if type(value).__module__.partition(".")[0] == _OURS:
         return _row(value, wrap) if dataclasses.is_dataclass(value) else value
-    return partial(_call, value, called) if callable(value) else _Guarded(value, called)
+    return partial(_call, value, called) if isinstance(value, _FUNCTIONS) else _Guarded(value, called)
 
 
 def _row(value: Any, wrap: Callable[[Any], Any]) -> Any:
@@ -91,7 +98,22 @@ class _Guarded:
         self._value, self._called = value, called
 
     def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):  # whether it can do what Python, NumPy or copy asks of it
+            return getattr(self._value, name)
         return _call(getattr, self._called, self._value, name)
+
+    def __call__(self, *args: Any, **options: Any) -> Any:
+        return _call(self._value, self._called, *args, **options)
+
+    def __bool__(self) -> bool:
+        return bool(_call(bool, self._called, self._value))
+
+    def __iter__(self) -> Iterator[Any]:
+        walked: Iterator[Any] = _call(iter, self._called, self._value)
+        return walked
+
+    def __getitem__(self, key: Any) -> Any:
+        return _call(operator.getitem, self._called, self._value, key)
 
     def __len__(self) -> int:
         return int(_call(len, self._called, self._value))

@@ -19,7 +19,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from lava_vpr.errors import LavaVprError, PluginError, brief
-from lava_vpr.rows.guarded import cause, guarded
+from lava_vpr.rows.guarded import PASSES, cause, guarded
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -169,9 +169,10 @@ class Registry(Mapping[str, Row], Generic[Row]):
         try:
             yield
         except LavaVprError as error:
-            if name in self._rows:
+            plugin = None if name in self._rows else self._plugins().get(name)
+            if plugin is None:
                 raise
-            said = "" if isinstance(error, PluginError) else f"{self._called(self._plugins()[name])} is left out: "
+            said = "" if isinstance(error, PluginError) else f"{self._called(plugin)} is left out: "
             _warn(f"{said}{error}")
 
     def __iter__(self) -> Iterator[str]:
@@ -230,7 +231,7 @@ class Registry(Mapping[str, Row], Generic[Row]):
                     reason = f"calls itself {brief(row.name)}"
                 else:
                     row = guarded(row, self._called(plugin))
-            except KeyboardInterrupt:
+            except PASSES:
                 raise
             except BaseException as error:  # whatever a package of somebody does when it is imported
                 reason = f"cannot be loaded ({cause(error)})"

@@ -40,7 +40,7 @@ _ABOVE_0 = (lambda value: _measured(value) and value > 0, "a number above 0")
 _IMAGES = (lambda value: is_path(value) or is_sequence(value), "a path, or a list or array of images or vectors")
 _ARGUMENTS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "path": _PATH,
-    "model": _PATH,
+    "model": (is_path, "a Model, or the path of a file"),
     "checkpoint": _PATH,
     "images": _IMAGES,
     "references": (_sequence_of(_IMAGES[0]), f"for each traverse {_IMAGES[1]}"),
@@ -68,8 +68,8 @@ _ARGUMENTS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "places": (lambda value: _sequence_of(whole)(value) and len(value) == 2, "two whole numbers (A, B)"),
     "parts": (_sequence_of(whole), "a list of whole numbers"),
     "stamps": (lambda value: is_path(value) or _sequence_of(is_path)(value), "the path of a file, or a list of paths"),
-    "config": _PATH,
-    "standard": _PATH,
+    "config": (is_path, "a Config, or the path of a file"),
+    "standard": (is_path, "a Model, or the path of a file"),
     "resume": (lambda value: isinstance(value, bool), "True or False"),
 }
 

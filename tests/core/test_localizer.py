@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import os
 import pickle
@@ -288,6 +289,7 @@ WRONG: dict[str, Callable[[Any, Any], object]] = {
     "names is 'ab'": lambda robot, seen: robot.add(seen[:2], np.ones((2, 2)), names="ab"),
     "names is .1, 2.": lambda robot, seen: robot.add(seen[:2], np.ones((2, 2)), names=[1, 2]),
     "places are 3": lambda robot, seen: robot.remove(3),
+    "places are 3, but must be absolute": lambda robot, seen: robot.remove(np.array(3)),
     "has no place 1.7": lambda robot, seen: robot.remove([1.7]),
     "has no place True": lambda robot, seen: robot.remove([True]),
     "has no place .1.": lambda robot, seen: robot.remove([[1]]),
@@ -336,9 +338,10 @@ def test_a_copy_goes_on_where_it_was(winter: Images, route: Model) -> None:
     robot = Localizer(route)
     for image in winter[:4]:
         robot.update(image)
-    copy = pickle.loads(pickle.dumps(robot))
+    copies = [pickle.loads(pickle.dumps(robot)), copy.deepcopy(robot)]
     for image in winter[4:8]:
-        assert copy.update(image).values() == robot.update(image).values()
+        own = robot.update(image).values()
+        assert [one.update(image).values() for one in copies] == [own, own]
 
 
 def test_what_cannot_be_asked_is_refused(winter: Images, summer: Images, route: Model, tmp_path: Path) -> None:

@@ -5,27 +5,21 @@ One that is broken is left out with a line.
 
 from __future__ import annotations
 
-import json
 import logging
 import sys
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.common.commands import fails, figures, run
 from support.common.imagefiles import image_bytes, watched, write_images, written
-from support.common.small_models import encoded, small_model
+from support.common.plugins import READER, Install
 
-from lava_vpr.backends.verification import verify
 from lava_vpr.cli import main
-from lava_vpr.configfile import update
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching.decoders import DECODERS
-from lava_vpr.model import load, save
 from lava_vpr.readers import READERS
 from lava_vpr.rows import registry as registries
 from lava_vpr.rows.registry import Registry
@@ -79,25 +73,9 @@ def test_two_rows_of_one_name_are_refused_until_the_first_is_removed() -> None:
     assert registry["square"].corners == 5
 
 
-Install = Callable[..., None]
-
 SHAPES = """
 from {test} import Shape
 SQUARE, RING, OTHER = Shape("square", 4), Shape("ring", 0), "no shape"
-"""
-READER = """
-import numpy as np
-from lava_vpr.images.sampling import Sample
-from lava_vpr.readers import Found, Reader
-
-def found(wanted):
-    def walk():
-        for number in range(9 if wanted.live else 7):
-            yield Sample(number, number * wanted.every, lambda: np.full((40, 40), number, np.uint8))
-
-    return Found((str(wanted.path),), walk, "scan")
-
-SCANS = Reader("scans", "scans of a lidar", found, lambda path: path.suffix == ".scan", (".scan",))
 """
 
 LIVE = """
@@ -111,30 +89,6 @@ def found(wanted):
 
 ARM = Reader("arm", "a robot's arm", found, named=lambda source: source.startswith("arm:"))
 """
-
-
-@pytest.fixture
-def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
-    """Installs a package of one module with entry points, as pip leaves it, into a folder of the path."""
-    folder = tmp_path / "site"
-    folder.mkdir()
-    monkeypatch.syspath_prepend(str(folder))
-
-    def put(package: str, group: str, entries: dict[str, str], code: str = "") -> None:
-        info = folder / f"{package}-1.2.dist-info"
-        info.mkdir()
-        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.2\n")
-        lines = "\n".join(f"{name} = {package}:{attribute}" for name, attribute in entries.items())
-        (info / "entry_points.txt").write_text(f"[{group}]\n{lines}\n")
-        (folder / f"{package}.py").write_text(code)
-        registries.scanned.cache_clear()
-
-    registries.scanned.cache_clear()
-    registries._warn.cache_clear()
-    yield put
-    registries.scanned.cache_clear()
-    for path in folder.glob("*.py"):
-        sys.modules.pop(path.stem, None)
 
 
 def with_plugins(monkeypatch: pytest.MonkeyPatch) -> Registry[Shape]:
@@ -291,112 +245,3 @@ def test_commands_know_them_and_doctor_lists_them(install: Install, tmp_path: Pa
     )
     assert failed.exit_code == 1
     assert "kind of input 'radar' of the package worse 1.2 cannot be loaded (AttributeError" in failed.stderr
-
-
-FAILING = """
-from dataclasses import replace
-from lava_vpr.backends.interface import BackendRow, HostBackend
-from lava_vpr.configfile import update
-from lava_vpr.errors import ConfigError
-from lava_vpr.images.sampling import Sample
-from lava_vpr.inputs.encoder import Input
-from lava_vpr.matching.decoders import DECODERS, Decoder, in_every_variant, margin
-from lava_vpr.readers import Found, Reader
-
-def fails(*_):
-    raise RuntimeError("out\\nof order")
-
-def leaves(*_):
-    raise SystemExit(3)
-
-def refuses(*_):
-    raise ConfigError("too few places")
-
-class Counter:
-    "Counts nothing."
-    count_spikes = trains = fails
-
-def drives():
-    yield from (Sample(number, None, fails) for number in range(3))
-
-def decoder(scores, confidence=margin):
-    return Decoder("evil", title="evil", confidence=confidence, scores=in_every_variant(scores))
-
-def reader(open, takes=lambda path: path.suffix == ".evil", named=lambda source: False):
-    return Reader("evil", "evil", open, takes, (".evil",), named)
-
-def backend(make, unavailable=lambda: None):
-    return BackendRow("evil", "evil", make=make, unavailable=unavailable)
-
-PREPARES, SCORES = decoder(fails), decoder(lambda *_: fails)
-SURE, REFUSES, LEAVES = decoder(lambda *_: lambda spikes: spikes[:, :8] + 1.0, fails), decoder(refuses), decoder(leaves)
-TAKES, NAMED = reader(None, takes=fails), reader(None, lambda path: False, named=fails)
-OPENS, WALKS, READS = reader(fails), reader(lambda _: Found(walk=fails)), reader(lambda _: Found(walk=drives))
-MAKES, COUNTS, ASKED = backend(fails), backend(lambda *_: Counter()), backend(lambda *_: HostBackend(), fails)
-WORSE = replace(COUNTS, name="worse")
-SEES = Input("evil", layout=fails, sees="image", activity=fails, grey_levels=False, drawing="grey", legend="")
-"""
-FAILED = "of the package wicked 1.2 failed (RuntimeError: out of order); update or uninstall that package"
-
-
-@pytest.mark.parametrize(
-    ("attribute", "said"),
-    [
-        *((attribute, f"decoder 'evil' {FAILED}") for attribute in ("PREPARES", "SCORES", "SURE")),
-        ("REFUSES", "decoder 'evil' of the package wicked 1.2 is left out: too few places"),
-        ("LEAVES", f"decoder 'evil' {FAILED}".replace("RuntimeError: out of order", "SystemExit: 3")),
-    ],
-)
-def test_a_decoder_that_fails_is_left_out_of_eval_and_ends_what_asks_for_it(
-    install: Install, here: Path, attribute: str, said: str
-) -> None:
-    wanted = figures("query", "--report", "before.html")["decoders"]
-    install("wicked", "lava_vpr.decoders", {"evil": attribute}, FAILING)
-    result = run("eval", "m.lvpr", "query", "--json", "f.json", "--report", "after.html")
-    assert result.stderr == f"note: {said}\n"
-    assert json.loads(Path("f.json").read_text())["decoders"] == wanted
-    evil = replace(load("m.lvpr"), config=update(load("m.lvpr").config, {"decoder": {"default": "evil"}}))
-    save(evil, Path("evil.lvpr"))
-    ends = "too few places" if attribute == "REFUSES" else said
-    assert [fails(*words, "evil.lvpr", "query") for words in (("query", "-o", "q.csv"), ("eval",))] == [ends, ends]
-
-
-@pytest.mark.parametrize(
-    ("group", "attribute", "command", "kind"),
-    [
-        *(("readers", attribute, "train a.evil -o n.lvpr", "reader") for attribute in ("OPENS", "WALKS", "READS")),
-        *(
-            ("backends", attribute, "query m.lvpr query -o q.csv --backend evil", "backend")
-            for attribute in ("MAKES", "COUNTS")
-        ),
-        ("backends", "ASKED", "eval m.lvpr query --backend evil", "backend"),
-        ("inputs", "SEES", "train reference -o n.lvpr --input evil", "kind of input"),
-    ],
-)
-def test_a_row_that_fails_ends_what_asks_for_it_in_one_line(
-    install: Install, here: Path, group: str, attribute: str, command: str, kind: str
-) -> None:
-    Path("a.evil").touch()
-    install("wicked", f"lava_vpr.{group}", {"evil": attribute}, FAILING)
-    assert fails(*command.split()) == f"{kind} 'evil' {FAILED}"
-
-
-@pytest.mark.parametrize("attribute", ["TAKES", "NAMED"])
-def test_a_reader_that_fails_to_say_what_it_takes_hides_no_other(install: Install, here: Path, attribute: str) -> None:
-    Path("a.scan").touch()
-    Path("a.evil").touch()
-    install("wicked", "lava_vpr.readers", {"evil": attribute}, FAILING)
-    result = CliRunner().invoke(main, ["train", "a.evil", "-o", "n.lvpr"])
-    note, line = result.stderr.splitlines()
-    assert (result.exit_code, note) == (1, f"note: reader 'evil' {FAILED}")
-    assert line.startswith("lava-vpr: error: a.evil: is of no known type; give ")
-    install("yonder", "lava_vpr.readers", {"scans": "SCANS"}, READER)
-    assert len(open_traverse("a.scan")) == 7
-
-
-def test_a_backend_that_fails_ends_neither_doctor_nor_what_is_verified_beside_it(install: Install) -> None:
-    install("wicked", "lava_vpr.backends", {"evil": "ASKED", "worse": "WORSE"}, FAILING)
-    said = " ".join(run("doctor").output.split())
-    assert f"backend 'evil' {FAILED}" in said
-    verdicts = verify(small_model(), encoded(8), np.eye(8, dtype=bool), names=("host", "evil", "worse"))
-    assert [verdict.reason for verdict in verdicts] == [None, f"backend 'evil' {FAILED}", f"backend 'worse' {FAILED}"]
