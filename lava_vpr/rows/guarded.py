@@ -20,7 +20,7 @@ import numpy as np
 
 from lava_vpr.errors import LavaVprError, PluginError
 
-_PLAIN = (type(None), str, bytes, int, float, np.ndarray, np.generic, Path, BaseException, type)
+_PLAIN: tuple[type, ...] = (type(None), str, bytes, int, float, np.ndarray, np.generic, Path, BaseException, type)
 _PLAIN += (memoryview, array.array, set, frozenset, range)
 """What has no code of a package that anybody here would call."""
 _OURS = __name__.partition(".")[0]

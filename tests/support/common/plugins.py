@@ -1,4 +1,7 @@
-"""Packages of plug-ins for tests: how one is installed, and the code of one that reads."""
+"""Packages of plug-ins for tests: how one is installed, and the code of one that reads.
+
+Used by core.
+"""
 
 from __future__ import annotations
 
