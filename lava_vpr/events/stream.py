@@ -126,7 +126,7 @@ def _whole(values: NDArray[Any], where: str, name: str, first: int, factor: floa
     """Numbers of a file times a factor as whole numbers, int64 (n,)."""
     if values.dtype.kind in "iu" and values.dtype != np.uint64:
         return values.astype(np.int64)
-    with np.errstate(over="ignore"):  # what overflows is refused
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows, or is no number, is refused
         numbers = values.astype(np.float64) * factor
     bad = ~(np.abs(numbers) < _MOST_US)
     if factor == 1:

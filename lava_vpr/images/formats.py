@@ -177,8 +177,8 @@ def _webp_size(kind: bytes, file: Window, start: int) -> tuple[int, int]:
 
 
 def _walk_bmp(data: bytes, file: Window) -> Header:
-    """A BMP; an uncompressed one must have all its rows, a run-length coded one its end."""
-    offset, header = file.numbers("<II", 10)
+    """A BMP; an uncompressed one must have all its rows and no more, a run-length coded one its end."""
+    said, _, offset, header = file.numbers("<IIII", 2)
     compression = length = zeros = 0
     if header < 40:
         width, height, _, depth = file.numbers("<HHHH", 18)
@@ -188,6 +188,8 @@ def _walk_bmp(data: bytes, file: Window) -> Header:
         row = (abs(width) * depth + 31) // 32 * 4
         end = file.reach(offset + row * abs(height))
         zeros = _zeros_at_end(data[offset:end]) // max(1, row)
+        if header == 40 and said == len(data) >= end + max(4, row):  # longer headers may have a profile there
+            raise DamagedError(f"its rows end {len(data) - end:,} bytes before it does")
     if compression in (1, 2):
         file.reach(offset + length)
         runs = data[offset : offset + length if length else None].rstrip(b"\0")

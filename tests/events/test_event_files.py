@@ -321,8 +321,10 @@ def test_a_traverse_of_events_is_its_windows(tmp_path: Path) -> None:
 
 def test_times_that_overflow_are_refused_without_a_warning(tmp_path: Path) -> None:
     path = tmp_path / "a.npz"
-    np.savez(path, t=np.array([0.0, 1e306]), x=[0, 1], y=[0, 1])
-    refused(path, "event 1 has the time 1e+306")
+    signalling = np.array([0, 0x7FF0000000000001]).view(np.float64)
+    for times, said in (([0.0, 1e306], "1e+306"), (signalling, "nan")):
+        np.savez(path, t=times, x=[0, 1], y=[0, 1])
+        refused(path, f"event 1 has the time {said}")
 
 
 def test_events_that_are_zeros_at_the_end_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
