@@ -25,13 +25,15 @@ from lava_vpr.storage.limits import within
 _WIDTH, _HEIGHT, _BITS, _COMPRESSION, _SAMPLES, _FORMAT = 256, 257, 258, 259, 277, 339
 _STRIPS, _STRIP_BYTES, _TILE_WIDTH, _TILE_HEIGHT, _TILES, _TILE_BYTES = 273, 279, 322, 323, 324, 325
 _ORIENTATION, _SHORT = 274, {3: "H"}
+_COLOURS, _FILL_ORDER, _ROWS, _PLANES, _YCBCR = 262, 266, 278, 284, 6
 _TYPES = {1: "B", 3: "H", 4: "I", 13: "I", 16: "Q", 18: "Q"}  # of whole numbers; others are not asked for
 # Strips compressed by LZW, JPEG or Deflate end in a code for the end or a checksum, never in so many zeros.
 _ENDED, _ZEROS = (5, 7, 8, 32946), 8
+_LZW, _COUNTED = 5, (5, 8, 32946)  # those whose unpacked bytes are counted
 _SGI_LOG = (34676, 34677)  # compressions that code floats as integers
 _FORMATS = {1: "uint", 2: "int", 3: "float"}
 _ASKED = {_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _SAMPLES, _FORMAT, _STRIPS, _STRIP_BYTES}
-_ASKED |= {_TILE_WIDTH, _TILE_HEIGHT, _TILES, _TILE_BYTES}
+_ASKED |= {_TILE_WIDTH, _TILE_HEIGHT, _TILES, _TILE_BYTES, _COLOURS, _FILL_ORDER, _ROWS, _PLANES}
 
 
 def _entries(
@@ -222,11 +224,35 @@ def _walk_tiff(data: bytes, file: Window) -> Header:
             if _first(tags, _COMPRESSION, 1) == 1:
                 found = _zeros_at_end(data[start : start + length])
                 zeros = found + zeros * (found == length)
+    _check_strips(data, tags)
     tile_width, tile_height = _first(tags, _TILE_WIDTH), _first(tags, _TILE_HEIGHT)
     if tile_width * tile_height > width * height:
         width, height = tile_width, tile_height
     zeros //= max(1, width * bits * samples // 8)
     return Header(width, height, data, pictures=_has_next(file), zeros=zeros)  # its decoder turns the picture
+
+
+def _check_strips(data: bytes, tags: dict[int, tuple[int, ...]]) -> None:
+    """See that each strip packed by LZW or Deflate unpacks to its rows: a decoder fills up what is asked beyond it."""
+    packing, bits = _first(tags, _COMPRESSION, 1), set(tags.get(_BITS) or (1,))
+    strips = [data[at : at + size] for at, size in zip(tags.get(_STRIPS, ()), tags.get(_STRIP_BYTES, ()), strict=False)]
+    if packing not in _COUNTED or _TILES in tags or _first(tags, _COLOURS) == _YCBCR or len(bits) > 1:
+        return
+    if packing == _LZW and (_first(tags, _FILL_ORDER, 1) != 1 or any(strip[:2] == b"\0\1" for strip in strips)):
+        return  # bits in another order
+    from lava_vpr.images.lzw import deflate_bytes, lzw_bytes
+
+    height, samples = _first(tags, _HEIGHT), _first(tags, _SAMPLES, 1)
+    apart = _first(tags, _PLANES, 1) == 2
+    row = (_first(tags, _WIDTH) * bits.pop() * (1 if apart else samples) + 7) // 8
+    many = min(_first(tags, _ROWS, height), height)
+    firsts = [*range(0, height, max(1, many))] * (samples if apart else 1)
+    for first, strip in zip(firsts, strips, strict=False):
+        found = (lzw_bytes if packing == _LZW else deflate_bytes)(strip)
+        if not min(many, height - first) * row <= found <= many * row:
+            raise DamagedError(f"a strip of {many} rows of {row:,} bytes unpacks to {found:,}")
+    if len(firsts) != len(strips):
+        raise DamagedError(f"it has {len(strips):,} strips of its {len(firsts):,}")
 
 
 def _has_next(file: Window) -> bool:
