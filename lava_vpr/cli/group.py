@@ -102,6 +102,9 @@ def _told_in_one_line() -> Iterator[None]:
 def _check_opencv() -> None:
     """See that OpenCV starts where variables tell it how: it ends the process over one that it cannot read.
 
+    What the machine lacks for such a trial, memory or open files, is no fault of a variable's, and is told where it is
+    missed.
+
     Raises:
         ConfigError: it does not.
     """
@@ -113,8 +116,12 @@ def _check_opencv() -> None:
     words = (
         "import sys; sys.path.pop(0); import cv2; cv2.resize(cv2.UMat(9, 9, 0).get(), (5, 5))"  # no cv2.py from here
     )
-    tried = run_child([sys.executable, "-c", words], seconds=60)
-    if tried.code and "ImportError" not in tried.last and "ModuleNotFoundError" not in tried.last:
+    try:
+        tried = run_child([sys.executable, "-c", words], seconds=60)
+    except OSError:
+        return
+    lacking = ("ImportError", "ModuleNotFoundError", "MemoryError", *_NO_MEMORY)
+    if tried.code and not any(name in tried.last for name in lacking):
         raise ConfigError(f"OpenCV cannot start ({tried.last}); correct or unset its variables: {', '.join(told)}")
 
 

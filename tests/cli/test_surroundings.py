@@ -96,11 +96,14 @@ def test_the_working_directory_is_gone(here: Path) -> None:
     one_line(ended, "the working directory does not exist any more; change to another")
 
 
+LOGS = {"OPENCV_FFMPEG_LOGLEVEL": "-8"}  # a variable of OpenCV's makes the command try it in a child
 CROWDED = {
     "files": ({resource.RLIMIT_NOFILE: 8}, {}, 0),
+    "files for the trial of OpenCV": ({resource.RLIMIT_NOFILE: 8}, LOGS, 0),
     "size of files": ({resource.RLIMIT_FSIZE: 1024}, {"NUMBA_CACHE_DIR": "cache"}, 0),
     "no size": ({resource.RLIMIT_FSIZE: 0}, {}, 1),
     "memory for cv2": ({resource.RLIMIT_AS: 100 << 20}, {}, 1),
+    "memory for the trial of OpenCV": ({resource.RLIMIT_AS: 100 << 20}, LOGS, 1),
     "memory for numba": ({resource.RLIMIT_AS: 300 << 20}, {}, 1),
     "home": ({}, {"HOME": "/dev/null/home", "TMPDIR": "/dev/null", "NUMBA_CACHE_DIR": "/proc/cache"}, 0),
     "terminal": ({}, {"COLUMNS": "garbage", "LINES": "-5", "TERM": "no-such", "LC_ALL": "xx_YY"}, 0),
