@@ -1,14 +1,16 @@
 """What needs torch, run apart from CI: python scripts/ci_torch.py [--log FILE] (`make ci-torch`); 1 if a step fails.
 
-Each step is a command in the environment of this interpreter. The log says when, on which commit and with which
-versions it ran, what every step printed last and how it ended; it is written in one step, and also if a step fails. Run
-it on a committed tree, with real images (LAVA_VPR_DATA), and commit the log. Paths of the machine are left out of it.
+Each step is a command in the environment of this interpreter. The log says when, on which commit, from which sources
+and with which versions it ran, what every step printed last and how it ended; it is written in one step, and also if a
+step fails. Run it on a committed tree, with real images (LAVA_VPR_DATA), and commit the log. Paths of the machine are
+left out of it. With ``--since`` nothing runs: the commit of the log is named, and what has changed since.
 """
 
 from __future__ import annotations
 
 import argparse
 import datetime
+import hashlib
 import importlib.metadata
 import os
 import platform
@@ -27,6 +29,18 @@ from lava_vpr.storage.writing import write_atomically
 ROOT = Path(__file__).resolve().parents[1]
 LOG = ROOT / "docs" / "logs" / "ci-torch.log"
 PACKAGES = ("torch", "torchvision", "lava-dl", "lava-nc", "snntorch", "nirtorch", "nir", "neurobench", "numpy")
+SOURCES = (
+    "lava_vpr/slayer",
+    "lava_vpr/exchange",
+    "lava_vpr/bench/measure/workload.py",
+    "benchmarks/exchange",
+    "benchmarks/neurobench",
+    "tests/exchange",
+    "tests/training",
+    "tests/bench/test_workload.py",
+)
+"""What needs torch, snnTorch or NeuroBench, and its tests: the sources whose hash the log has."""
+UNKNOWN = "unknown"
 IMAGES = "LAVA_VPR_DATA"
 PASSED, FAILED = "passed", "failed"
 _COUNTS = re.compile(r"^(\d+ \w+.*) in [\d.]+s", re.MULTILINE)
@@ -123,10 +137,30 @@ def git(*words: str) -> str | None:
 
 
 def state(log: Path) -> tuple[str, bool]:
-    """The commit of the tree, ``unknown`` without one, and whether nothing but ``log`` differs from it."""
+    """The commit of the tree, `UNKNOWN` without one, and whether nothing but ``log`` differs from it."""
     log = log.resolve()
     inside = [f":(exclude){log.relative_to(ROOT)}"] if log.is_relative_to(ROOT) else []
-    return git("rev-parse", "HEAD") or "unknown", git("status", "--porcelain", "--", ".", *inside) == ""
+    return git("rev-parse", "HEAD") or UNKNOWN, git("status", "--porcelain", "--", ".", *inside) == ""
+
+
+def sources(commit: str) -> str:
+    """A hash of the names and contents of `SOURCES` at a commit, 16 digits; `UNKNOWN` if git does not know it."""
+    listed = git("ls-tree", "-r", "--full-tree", commit, "--", *SOURCES)
+    return UNKNOWN if listed is None else hashlib.sha256(listed.encode()).hexdigest()[:16]
+
+
+def since(log: Path) -> str:
+    """A sentence: the commit and sources of a log, and which of the `SOURCES` have changed since, committed or not."""
+    text = log.read_text(encoding="utf-8") if log.is_file() else ""
+    said = dict(re.findall(r"^(commit|sources): +(\w+)", text, re.MULTILINE))
+    if len(said) < 2:
+        raise SystemExit(f"{log}: no log of this script, which names a commit and sources; run `make ci-torch`")
+    changed = git("diff", "--name-only", said["commit"], "--", *SOURCES)
+    if changed is None:  # a commit that this clone does not have
+        what = "those of HEAD" if sources("HEAD") == said["sources"] else "not those of HEAD"
+    else:
+        what = f"since changed: {', '.join(changed.split())}" if changed else "as they are today"
+    return f"{os.path.relpath(log)}: commit {said['commit'][:7]}, sources {said['sources']}, {what}"
 
 
 def versions() -> dict[str, str]:
@@ -150,18 +184,20 @@ def without_paths(text: str) -> str:
     return text
 
 
-def written(outcomes: Sequence[StepOutcome], when: datetime.datetime, tree: str) -> str:
+def written(outcomes: Sequence[StepOutcome], when: datetime.datetime, commit: str, tree: str) -> str:
     """The log.
 
     Args:
         outcomes: Of all steps, in order.
         when: The start, in UTC.
-        tree: The commit, and how the tree was.
+        commit: The commit of the tree, or `UNKNOWN`.
+        tree: How the tree was.
     """
     head = {
         "result": _result(outcomes),
         "date": f"{when:%Y-%m-%d %H:%M:%S} UTC",
-        "commit": tree,
+        "commit": f"{commit} ({tree})",
+        "sources": sources(commit),
         "python": f"{platform.python_version()}, {os.cpu_count()} processors",
         "packages": ", ".join(f"{name} {version}" for name, version in versions().items()),
         "images": f"those of {IMAGES}",
@@ -185,7 +221,12 @@ def main(words: Sequence[str] | None = None, steps: Sequence[Step] = STEPS, say:
     """Run all ``steps``, write the log; the exit code."""
     parser = argparse.ArgumentParser(description="Run what needs torch; exit with 1 if a step fails.")
     parser.add_argument("--log", type=Path, default=LOG, help="default: docs/logs/ci-torch.log")
-    log = Path(parser.parse_args(words).log).absolute()
+    parser.add_argument("--since", action="store_true", help="run nothing; say what has changed since the log")
+    chosen = parser.parse_args(words)
+    log = Path(chosen.log).absolute()
+    if chosen.since:
+        say(since(log))
+        return 0
     when, before = datetime.datetime.now(datetime.timezone.utc), state(log)
     outcomes = []
     for step in steps:
@@ -194,7 +235,7 @@ def main(words: Sequence[str] | None = None, steps: Sequence[Step] = STEPS, say:
         say(f"  {outcomes[-1].result} {outcomes[-1].why}".rstrip() + f", {outcomes[-1].seconds:.0f} s")
     clean = "clean" if before[1] else "with changes that are not committed"
     moved = "" if state(log) == before else "; it changed under way"
-    text = written(outcomes, when, f"{before[0]} ({clean}{moved})")
+    text = written(outcomes, when, before[0], clean + moved)
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(log, lambda file: file.write(text.encode("utf-8")))

@@ -14,7 +14,9 @@ from scripts import ci_torch as ci
 
 ROOT = Path(__file__).resolve().parents[2]
 PINS = (ROOT / "benchmarks" / "exchange" / "requirements.txt").read_text(encoding="utf-8")
-HEAD = ("result", "date", "commit", "python", "packages", "images", "total")
+HEAD = ("result", "date", "commit", "sources", "python", "packages", "images", "total")
+HERE = "dca478b3300c2d7e"
+"""Of the one source of the small tree."""
 STEP = re.compile(r"^\d+\. (.+): (passed|failed)(?: \((.+)\))?, (\d+) s\n\$ python (.+)$", re.MULTILINE)
 
 
@@ -28,6 +30,7 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for words in (["init", "--quiet"], ["add", "a.py"], ["commit", "--quiet", "--message", "one"]):
         children.run(["git", *words], cwd=folder, env=os.environ | nobody, check=True, capture_output=True)
     monkeypatch.setattr(ci, "ROOT", folder)
+    monkeypatch.setattr(ci, "SOURCES", ("a.py",))
     monkeypatch.delenv(ci.IMAGES, raising=False)
     return folder
 
@@ -56,6 +59,7 @@ def test_a_log_says_when_on_what_and_how_each_step_ended(tree: Path) -> None:
     assert tuple(head(text)) == HEAD
     commit = children.run(["git", "rev-parse", "HEAD"], cwd=tree, capture_output=True, text=True, check=True)
     assert head(text)["commit"] == f"{commit.stdout.strip()} (clean)"
+    assert head(text)["sources"] == HERE
     assert head(text)["result"] == "passed"
     assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d UTC", head(text)["date"])
     assert f"numpy {ci.versions()['numpy']}" in head(text)["packages"]
@@ -97,7 +101,29 @@ def test_a_log_elsewhere_and_a_tree_without_git(tree: Path, monkeypatch: pytest.
     (tree / ".git").rename(tree / "git")
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tree.parent))
     assert ci.main(["--log", str(log)], [step], lambda line: None) == 0
-    assert head(log.read_text(encoding="utf-8"))["commit"] == "unknown (with changes that are not committed)"
+    found = head(log.read_text(encoding="utf-8"))
+    assert found["commit"] == "unknown (with changes that are not committed)"
+    assert found["sources"] == "unknown"
+
+
+def test_whether_a_log_is_of_the_sources_as_they_are(tree: Path) -> None:
+    log, said = tree / "logs" / "x.log", []
+
+    def since() -> str:
+        assert ci.main(["--since", "--log", str(log)], [ci.Step("none", ("b.py",))], said.append) == 0
+        return str(said[-1]).partition(f", sources {HERE}, ")[2]
+
+    _, text = told(tree, ci.Step("a", ("a.py",)))
+    assert since() == "as they are today"
+    log.write_text(text.replace("commit:   ", "commit:   e"), encoding="utf-8")  # a commit that git does not have
+    assert since() == "those of HEAD"
+    (tree / "a.py").write_text("print('there')\n")
+    assert since() == "those of HEAD"
+    log.write_text(text, encoding="utf-8")
+    assert since() == "since changed: a.py"
+    log.write_text("result:   passed\n", encoding="utf-8")
+    with pytest.raises(SystemExit, match=r"x\.log: no log of this script"):
+        since()
 
 
 def test_no_path_of_the_machine_stands_in_a_log(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,6 +186,9 @@ def test_the_committed_log_is_of_a_clean_run_of_all_steps_with_the_pinned_versio
     assert tuple(found) == HEAD
     assert found["result"] == "passed"
     assert re.fullmatch(r"[0-9a-f]{40} \(clean\)", found["commit"])
+    commit, sources = found["commit"].split()[0], found["sources"].split()[0]
+    assert re.fullmatch("[0-9a-f]{16}", sources)
+    assert ci.sources(commit) in (sources, ci.UNKNOWN)  # unknown to a clone without it
     assert found["images"] == "those of LAVA_VPR_DATA"
     assert [name for name, *_ in STEP.findall(text)] == [step.name for step in ci.STEPS]
     packages = dict(one.split(" ") for one in found["packages"].split(", "))
