@@ -369,6 +369,15 @@ def test_what_registers_hold_is_taken(changes: dict[str, Any]) -> None:
     dataclasses.replace(GOOD, **changes).check()
 
 
+@pytest.mark.parametrize("weights", [(3, 250), (-250, -3), (-7, 2, 9), (0,), ()])
+def test_the_span_holds_0_and_every_weight(weights: tuple[int, ...]) -> None:
+    least = most = 0
+    for weight in weights:
+        least, most = weight if weight < least else least, weight if weight > most else most
+    network = dataclasses.replace(GOOD, weights=np.array([weights], np.int16))
+    assert network.span == (least, most)
+
+
 def test_sums_that_could_overflow_are_refused() -> None:
     ones = np.full((1100, 1), 127, np.int16)
     many = dataclasses.replace(GOOD, weights=ones, bias=np.zeros(1, np.int32), bits=7, signed=True)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
+from scipy import sparse
 
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.matching import decoders, equations
@@ -153,6 +154,18 @@ def test_a_query_alone_and_in_a_batch_has_the_same_bits(
     np.testing.assert_array_equal(mixed, scores)
     monkeypatch.setattr(equations, "QUERY_BLOCK", 7)
     np.testing.assert_array_equal(decoders.decode(name, responses, spikes, variant=variant), scores)
+
+
+@pytest.mark.parametrize("kept", [np.asarray, sparse.csc_matrix])
+@pytest.mark.parametrize(("queries", "fired"), [(1, 0.0), (1, 0.2), (1, 1.0), (3, 0.2)])
+def test_products_are_sums_over_the_neurons_that_fired(queries: int, fired: float, kept: Any) -> None:
+    rng, (neurons, places) = np.random.default_rng(7), (50, 9)
+    table = rng.integers(0, 1 << 30, (neurons, places)) * (rng.random((neurons, places)) < 0.5)
+    spikes = rng.integers(1, 1 << 17, (queries, neurons)) * (rng.random((queries, neurons)) < fired)
+    columns = table.T.tolist()
+    sums = [[sum(s * k for s, k in zip(query, column, strict=True)) for column in columns] for query in spikes.tolist()]
+    scores = equations._products(spikes, kept(table.astype(np.float64)))
+    assert scores.astype(object).tolist() == sums
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.int32, np.uint16])
