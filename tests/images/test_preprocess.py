@@ -67,6 +67,13 @@ def test_window_z_score_is_exact_at_its_extremes() -> None:
     assert np.isfinite(window_z_score(np.full((28, 28), 255, np.uint8))).all()
 
 
+def mean_in_chunks(values: NDArray[np.float32]) -> np.float32:
+    """The mean, 8,192 values at a time: later versions of NumPy cut longer arrays otherwise."""
+    flat = values.ravel()
+    total = sum((chunk.sum() for chunk in np.split(flat, range(8192, flat.size, 8192))), np.float32(0))
+    return np.float32(np.float64(total) / flat.size)
+
+
 def literal_orientation(
     image: NDArray[np.uint8], side: int, cell: int, orientations: int, window: int, blur: float
 ) -> NDArray[np.float32]:
@@ -76,7 +83,7 @@ def literal_orientation(
     seen = cv2.GaussianBlur(seen, (0, 0), blur) if blur > 0 else seen
     gx, gy = (cv2.Sobel(seen, cv2.CV_32F, across, 1 - across, ksize=1) for across in (1, 0))
     magnitude = np.sqrt(gx * gx + gy * gy)
-    pool = cv2.blur(magnitude, (window, window)) + np.float32(0.3) * magnitude.mean() + np.float32(1e-3)
+    pool = cv2.blur(magnitude, (window, window)) + np.float32(0.3) * mean_in_chunks(magnitude) + np.float32(1e-3)
     energy = np.maximum(np.minimum(magnitude / pool, np.float32(4)) - np.float32(0.3), np.float32(0))
     angle = np.arctan2(gy.astype(np.float64), gx.astype(np.float64))
     position = np.where(angle >= 0, angle, angle + math.pi) * (orientations / math.pi)
