@@ -54,8 +54,8 @@ class Localizer:
             is answered alone.
         adapt: Time constant in images by which neurons' biases follow the images before; None: they do not.
         query_views: Sideways views in which each image is presented, an odd number. With more than one, and motion
-            ``none``, probabilities are not known.
-        target_precision: Share of the accepted matches that shall be right.
+            ``none``, probabilities are not known and no match is accepted.
+        target_precision: Share of the accepted matches that shall be right; None: 0.95.
         seed: Seed of the images' spikes; None: the model's.
     Raises:
         LavaVprError: the model cannot be used, or not like this.
@@ -68,11 +68,11 @@ class Localizer:
         adapt: float | None = None,
         query_views: int = 1,
         *,
-        target_precision: float = 0.95,
+        target_precision: float | None = None,
         seed: int | None = None,
     ) -> None:
         check_arguments(
-            "motion query_views target_precision",
+            "motion query_views",
             motion=motion,
             adapt=adapt,
             query_views=query_views,
@@ -134,6 +134,8 @@ class Localizer:
         images: Images,
         positions: Positions | ArrayLike | None = None,
         names: Sequence[str] | None = None,
+        *,
+        allow_duplicates: bool = False,
     ) -> None:
         """Learn further places; what was learned stays as it is, and so does what is believed.
 
@@ -141,16 +143,18 @@ class Localizer:
             images: Images of the new places, in driving order.
             positions: Where they were taken, in the map's frame; needed if the map has positions, and only then.
             names: A name for each of ``images`` in memory.
+            allow_duplicates: Whether some may be images that the map has already.
         Raises:
-            LavaVprError: the images or positions do not fit the map.
+            LavaVprError: the images or positions do not fit the map, or are duplicates that are not allowed.
         """
-        check_arguments("images", images=images, names=names)
+        check_arguments("images allow_duplicates", images=images, names=names, allow_duplicates=allow_duplicates)
         taken: Any = images
         if isinstance(images, (str, Path)):
             config, opened = self._model.config, open_traverse(images, events=self._model.config.events)
             taken = encode_views(opened, config.encoder, config.views.views, Keep.ALL, None, self._model.standard)
         before = self._answerer.filter
-        self._use(maps.extend(self._model, taken, names=names, positions=positions))
+        how: Any = {"names": names, "positions": positions, "allow_duplicates": allow_duplicates}
+        self._use(maps.extend(self._model, taken, **how))
         self.reset()
         if before is not None:
             new = np.zeros(self._model.places - len(before.belief.places))

@@ -24,6 +24,7 @@ from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.views import STRAIGHT, View
 from lava_vpr.kernelcache import COMPILING, COMPILING_TEXT
 from lava_vpr.matching.forward_filter import MOTIONS, NONE
+from lava_vpr.matching.probability import PRECISION
 from lava_vpr.model import Model
 from lava_vpr.rows.registry import Registry
 from lava_vpr.settings.ranges import declared
@@ -157,10 +158,10 @@ def motion_option(default: str) -> Callable[[F], F]:
 precision_option = click.option(
     "--target-precision",
     type=Number(min=0.01, max=0.9999),
-    default=0.95,
-    show_default=True,
+    default=None,
     metavar="P",
-    help="Accept matches so probable that this share of the accepted is right, if half of the images are off the map.",
+    help="Accept matches so probable that this share of the accepted is right, if half of the images are off the map "
+    f"(default: {PRECISION}).",
 )
 
 

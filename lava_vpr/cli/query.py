@@ -99,11 +99,11 @@ class Accepting:
     """Which matches are accepted.
 
     Attributes:
-        precision: What share of them is right, if half of the images are off the map.
+        precision: What share of them is right, if half of the images are off the map; None: `PRECISION`.
         confidence: The least confidence of the decoder; None: ``precision`` decides.
     """
 
-    precision: float
+    precision: float | None
     confidence: float | None
 
     def __post_init__(self) -> None:
@@ -111,7 +111,7 @@ class Accepting:
             raise click.UsageError("--min-confidence is not a number")
 
     def least(self, together: Together) -> float:
-        """The probability from which on a match is accepted; NaN where that is not what decides."""
+        """The probability from which on a match is accepted; NaN where none is known, or that is not what decides."""
         return least_probability(together, self.precision) if self.confidence is None else math.nan
 
     def of(self, answers: Answers, least: float) -> NDArray[np.bool_]:

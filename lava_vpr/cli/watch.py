@@ -60,7 +60,7 @@ def watch(
     source: str,
     motion: str,
     asking: Asking,
-    target_precision: float,
+    target_precision: float | None,
     every: float,
     existing: bool,
     topic: str | None,

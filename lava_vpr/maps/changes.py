@@ -6,8 +6,6 @@ done.
 
 from __future__ import annotations
 
-import hashlib
-import logging
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -20,6 +18,7 @@ from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays
 from lava_vpr.errors import ConfigError, InputError, ModelFileError, brief, shown
+from lava_vpr.maps.duplicates import check_duplicates
 from lava_vpr.matching.equations import assign
 from lava_vpr.model import IntegerModel, Model, Stretch, as_integer, integer_model
 from lava_vpr.positions import frames
@@ -31,8 +30,6 @@ from lava_vpr.training.preparing import check_encoded_references
 from lava_vpr.training.stretches import Progress, learn, trainers_of
 from lava_vpr.traverse import ranges_of
 
-_NOTES = logging.getLogger("lava_vpr")
-
 
 def extend(
     model: Model,
@@ -41,6 +38,7 @@ def extend(
     names: Sequence[str] | None = None,
     route_images: int | None = None,
     positions: Positions | ArrayLike | None = None,
+    allow_duplicates: bool = False,
     pool: Pool = ONE_THREAD,
     progress: Callable[[Progress], None] | None = None,
 ) -> IntegerModel:
@@ -56,11 +54,12 @@ def extend(
             own traverse; None: they are none, and their indices are counted on.
         positions: Where the new places are; an array (images, 2) is in the model's frame. Needed if the model knows
             that of its own, and only then.
+        allow_duplicates: Whether new places may show images of places that the model has.
         pool: Who learns and measures; it changes nothing.
         progress: Called after every presentation, from any thread; its stretches are the new ones.
     Raises:
         ConfigError: preset ``paper``; or the map would cost more than the limits allow.
-        InputError: the images do not fit the model, or all are blank.
+        InputError: the images do not fit the model, all are blank, or some are duplicates that are not allowed.
         ModelFileError: the model has no learned weights.
         NetworkLimitError: the whole network could overflow.
     """
@@ -71,6 +70,7 @@ def extend(
     route = LearnedRoute(references, own, placed(positions, model.frame or XY), model.standard)
     route.check(config.encoder)
     check_positions((part.route, route))
+    check_duplicates((part.route, route), allow_duplicates)
     trainers = trainers_of(stretches, references, config)
     learn(trainers, stretches, references, config, pool=pool, progress=progress)
     new = MapPart(learned_weights(trainers, config), stretches, route)
@@ -109,24 +109,29 @@ def remove(model: Model, places: Iterable[int], *, path: Path | None = None, poo
     return integer_model(joined(learned, model.config, stretches, route, pool), "removing places")
 
 
-def merge(models: Sequence[Model], *, paths: Sequence[Path] = (), pool: Pool = ONE_THREAD) -> IntegerModel:
+def merge(
+    models: Sequence[Model], *, paths: Sequence[Path] = (), allow_duplicates: bool = False, pool: Pool = ONE_THREAD
+) -> IntegerModel:
     """One model of all places of ``models``, in their order; they are not changed.
 
     Args:
         models: Two or more of equal settings, with integer networks and their learned weights, learned from as many
             traverses.
         paths: The files of the models, for messages; none: they are not known.
+        allow_duplicates: Whether a model may have images of the models before it.
         pool: Who learns and measures; it changes nothing.
     Raises:
         ConfigError: preset ``paper``; settings differ, and the message names the first; or the map would cost more than
             the limits allow.
-        InputError: one model alone; they were learned from different numbers of traverses, or not all know positions.
+        InputError: one model alone; they were learned from different numbers of traverses, not all know positions, or
+            some images are duplicates that are not allowed.
         ModelFileError: a model has no learned weights.
         NetworkLimitError: the whole network could overflow.
     """
     check_mergeable(models, paths)
     parts = [part_of(model, "merging") for model in models]
     check_positions([part.route for part in parts])
+    check_duplicates([part.route for part in parts], allow_duplicates)
     return join(parts, models[0].config, pool, same_traverse=True)
 
 
@@ -217,25 +222,9 @@ def join(parts: Sequence[MapPart], config: Config, pool: Pool, same_traverse: bo
                     stretches.append(replace(stretch, first_place=place + stretch.first_place, first_neuron=neuron))
                     neuron += stretch.neurons
             place += len(part.route.references[0])
-    _note_alike(parts)
     weights = np.ascontiguousarray(np.concatenate(learned, axis=1))
     route = _one_route([part.route for part in parts], same_traverse)
     return integer_model(joined(weights, config, tuple(stretches), route, pool), "joining")
-
-
-def _note_alike(parts: Sequence[MapPart]) -> None:
-    """Warn of places whose image is, as the network sees it, that of a place of a part before theirs."""
-    seen = set[bytes]()
-    for part in parts:
-        activity = part.route.references[0].activity
-        rows = [hashlib.blake2b(row.tobytes(), digest_size=16).digest() if row.any() else b"" for row in activity]
-        same = sum(row in seen for row in rows if row)
-        if same:
-            _NOTES.warning(
-                f"{same} of the {len(rows)} places added look the same as places before them; if it is the same drive, "
-                "leave them out"
-            )
-        seen.update(rows)
 
 
 def _one_route(routes: Sequence[LearnedRoute], same_traverse: bool) -> LearnedRoute:

@@ -9,6 +9,7 @@ fit a memory.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -22,8 +23,10 @@ from lava_vpr.matching.decoders import best, confidence
 from lava_vpr.matching.equations import Scores
 from lava_vpr.matching.evaluation import Metrics, Tally, Truth
 from lava_vpr.matching.forward_filter import NONE, RADIUS, Belief, ForwardFilter, check_motion, filtered, smooth
-from lava_vpr.matching.probability import Calibration, check_precision
+from lava_vpr.matching.probability import PRECISION, Calibration, check_precision
 from lava_vpr.matching.sequences import SequenceMatcher
+
+_NOTES = logging.getLogger("lava_vpr")
 
 
 class Candidates(NamedTuple):
@@ -133,6 +136,17 @@ class Together:
             )
 
     @property
+    def unknown(self) -> str | None:
+        """Of which answers probabilities are not known, and the remedy; None where they are known."""
+        if self.motion != NONE:
+            return None
+        if self.sequence > 1:
+            return f"sequences have no probabilities; give --motion any in place of --sequence {self.sequence}"
+        if self.calibration is None:
+            return "several views of a query, and preset paper, have no probabilities by themselves; give --motion any"
+        return None
+
+    @property
     def radius(self) -> int:
         """Places on either side of an answer that its probability includes."""
         return 0 if self.motion == NONE else RADIUS
@@ -212,27 +226,35 @@ class Answerer:
         return replace(self, windows=windows), Answers(matches, certainty, unknown, ranking=Ranking(sums, sums, first))
 
 
-def least_probability(together: Together, precision: float) -> float:
+def least_probability(together: Together, precision: float | None = None) -> float:
     """The least probability with which an answer is accepted, so that ``precision`` of the accepted are right.
 
     Of single queries the calibration says it. Filtered ones are sure or not, with little between: of probabilities
     spread evenly from 1 - 2 (1 - precision) to 1 the mean is the precision.
 
+    Args:
+        together: How queries are matched.
+        precision: The share; None: `PRECISION`.
     Returns:
-        NaN where probabilities are not known.
+        NaN where probabilities are not known, which is told: nothing is accepted.
     Raises:
-        ConfigError: the precision is not above 0 and below 1.
+        ConfigError: the precision is not above 0 and below 1, or given where probabilities are not known.
     """
-    check_precision(precision)
-    if together.motion != NONE:
-        return max(0.0, 1.0 - 2.0 * (1.0 - precision))
-    return float("nan") if together.calibration is None else together.calibration.keeping(precision).probability
+    wanted = PRECISION if precision is None else precision
+    check_precision(wanted)
+    if together.unknown is not None:
+        if precision is not None:
+            raise ConfigError(f"a target precision of {precision:g} needs probabilities, but {together.unknown}")
+        _NOTES.warning(f"no match is accepted: {together.unknown}")
+        return float("nan")
+    if together.calibration is None or together.motion != NONE:
+        return max(0.0, 1.0 - 2.0 * (1.0 - wanted))
+    return together.calibration.keeping(wanted).probability
 
 
 def accepted(answers: Answers, least: float) -> NDArray[np.bool_]:
-    """Which answers are a match of at least the probability ``least``, bool (n,); of any, where that is NaN."""
-    known = ~np.isnan(answers.probability)
-    return (answers.matches >= 0) & (~known | np.isnan(least) | (answers.probability >= least))
+    """Which answers are a match of at least the probability ``least``, bool (n,); none of which it is not known."""
+    return (answers.matches >= 0) & (answers.probability >= least)
 
 
 def sure(answers: Answers, least: float) -> NDArray[np.bool_]:

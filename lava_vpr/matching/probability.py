@@ -22,6 +22,8 @@ from lava_vpr.matching.equations import Scores
 
 RIGHT, WRONG, OFF_MAP = KINDS = (1.0, 0.0, -1.0)
 """What a sample of a calibration was: an altered reference matched by its place or by another, or one off the map."""
+PRECISION = 0.95
+"""The share of accepted matches that shall be right, unless another is asked for."""
 _ROUNDS, _RIDGE = 50, 1e-3
 
 

@@ -38,6 +38,7 @@ def _is_text(value: Any) -> bool:
 _PATH, _TEXT, _NUMBER = (is_path, "the path of a file"), (_is_text, "text"), (real, "a number")
 _ABOVE_0 = (lambda value: _measured(value) and value > 0, "a number above 0")
 _IMAGES = (lambda value: is_path(value) or is_sequence(value), "a path, or a list or array of images or vectors")
+_YES_OR_NO = (lambda value: isinstance(value, bool), "True or False")
 _ARGUMENTS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "path": _PATH,
     "model": (is_path, "a Model, or the path of a file"),
@@ -70,7 +71,8 @@ _ARGUMENTS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "stamps": (lambda value: is_path(value) or _sequence_of(is_path)(value), "the path of a file, or a list of paths"),
     "config": (is_path, "a Config, or the path of a file"),
     "standard": (is_path, "a Model, or the path of a file"),
-    "resume": (lambda value: isinstance(value, bool), "True or False"),
+    "resume": _YES_OR_NO,
+    "allow_duplicates": _YES_OR_NO,
 }
 
 

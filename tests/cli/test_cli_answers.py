@@ -249,7 +249,28 @@ def test_query_sequences_look_back(here: Path) -> None:
         assert [row[key] for key in ("place", "place_name", "confidence", "accepted")] == ["-1", "", "", "false"]
     # Windows name their last pair, and the right one is found for all.
     assert [row["place"] for row in rows[2:]] == [str(k) for k in range(2, 8)]
-    assert all(row["accepted"] == "true" for row in rows[2:])
+    assert {(row["accepted"], row["probability"]) for row in rows} == {("false", "")}
+    sure = matches("query", "--sequence", 3, "--min-confidence", 0)
+    assert [row["accepted"] for row in sure] == ["false"] * 2 + ["true"] * 6
+
+
+UNKNOWN = (
+    ("query m.lvpr query --sequence 3", "sequences have no probabilities; give --motion any in place of --sequence 3"),
+    ("query m.lvpr query --query-views 3", "several views of a query, and preset paper, have no probabilities"),
+    (
+        "watch m.lvpr query --query-views 3 --motion none --stop-after 8",
+        "several views of a query, and preset paper, have no",
+    ),
+)
+
+
+@pytest.mark.parametrize(("words", "text"), UNKNOWN)
+def test_without_probabilities_nothing_is_accepted_and_no_precision_aimed_at(words: str, text: str, here: Path) -> None:
+    said = run(*words.split())
+    assert f"note: no match is accepted: {text}" in said.stderr
+    assert "true" not in said.stdout
+    refused = fails(*words.split(), "--target-precision", "0.9")
+    assert refused.startswith(f"a target precision of 0.9 needs probabilities, but {text}")
 
 
 def test_min_confidence_accepts_the_surest(here: Path) -> None:

@@ -78,7 +78,7 @@ def literal(model: Model, source: str, sequence: int, places: tuple[int, int], s
             sure, place = float(windows.confidence[k - first]), match + first
             where = (model.place_indices[place], model.place_names[place])
             chance = windows.probability[k - first]
-            known = ("true", "") if sequence > 1 else (str(chance >= least).lower(), f"{chance:.6f}")
+            known = ("false", "") if sequence > 1 else (str(chance >= least).lower(), f"{chance:.6f}")
             writer.writerow((index, query, *where, repr(sure), *known))
     return file.getvalue()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -138,7 +138,7 @@ def test_indices_are_kept_or_counted_on() -> None:
         (whole.part(3, 7), 20, [23, 24, 25, 26], 40),
         (whole.part(8, 12, 8), None, [20, 21, 22, 23], 24),
     ):
-        made = maps.extend(first, new, route_images=route_images)
+        made = maps.extend(first, new, route_images=route_images, allow_duplicates=True)
         assert made.place_indices.tolist() == [0, 1, 2, 3, *indices]
         assert (made.route_images, made.place_names[4:]) == (route, new[0].names)
 
@@ -224,7 +224,9 @@ def test_removed_places_can_be_learned_again() -> None:
     assert again.positions is not None
     np.testing.assert_array_equal(again.positions, HERE.values[again.place_indices])
     assert sorted(assign(again.responses)[-2:].tolist()) == [PLACES - 2, PLACES - 1]
-    assert len(maps.merge([cut, together("float")]).stretches) == len(cut.stretches) + len(model_.stretches)
+    assert len(maps.merge([cut, together("float")], allow_duplicates=True).stretches) == len(cut.stretches) + len(
+        model_.stretches
+    )
 
 
 def bundled() -> Model:
@@ -327,19 +329,33 @@ def test_a_map_without_a_neuron_is_refused() -> None:
         chip_learning(left)
 
 
-def test_places_that_the_map_has_already_are_told(caplog: pytest.LogCaptureFixture) -> None:
-    """They are taken: a loop may show a place again."""
+def test_images_that_the_map_has_already_are_refused_unless_allowed(caplog: pytest.LogCaptureFixture) -> None:
     whole = case("template")
     first = whole.trained(0, CUTS[0])
     maps.extend(first, whole.part(CUTS[0], PLACES, CUTS[0]))
-    assert not caplog.messages
-    grown = maps.extend(first, whole.part(CUTS[0] - 2, PLACES, CUTS[0] - 2))
-    maps.merge([first, first])
-    assert grown.places == PLACES + 2
-    assert [message.split(";")[0] for message in caplog.messages] == [
-        f"2 of the {PLACES - CUTS[0] + 2} places added look the same as places before them",
-        f"{CUTS[0]} of the {CUTS[0]} places added look the same as places before them",
-    ]
+    is_6, is_7, names = (
+        "img6.png is place 6 (img6.png)",
+        "img7.png is place 7 (img7.png)",
+        ("img0.png is place 0 (img0.png), img1.png is place 1 (img1.png), img2.png is "),
+    )
+    for attempt, said in (
+        (
+            partial(maps.extend, first, whole.part(CUTS[0] - 2, PLACES, CUTS[0] - 2)),
+            f"2 of the 7 places added show images that the map has already: {is_6}, {is_7}",
+        ),
+        (
+            partial(maps.merge, [first, first]),
+            f"8 of the 8 places added show images that the map has already: {names}place 2 (img2.png), and 5 more",
+        ),
+    ):
+        with pytest.raises(InputError) as caught:
+            attempt()
+        assert str(caught.value).split(";")[0] == said
+        assert not caplog.messages
+        made = attempt(allow_duplicates=True)
+        assert made.places == CUTS[0] + int(said.split()[3])
+        assert caplog.messages == [said]
+        caplog.clear()
 
 
 def test_a_silent_neuron_stays() -> None:

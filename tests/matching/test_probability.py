@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from lava_vpr.errors import ConfigError
-from lava_vpr.matching.answers import ALONE, Answers, Together, accepted, answers_of, least_probability
+from lava_vpr.matching.answers import ALONE, Answerer, Answers, Together, accepted, answers_of, least_probability
 from lava_vpr.matching.decoders import margin
 from lava_vpr.matching.probability import OFF_MAP, RIGHT, WRONG, Calibration, reliability
 from lava_vpr.matching.trust import trust
@@ -118,10 +118,20 @@ def test_filtered_answers_are_accepted_from_twice_as_far_below_one(precision: fl
     assert least_probability(Together(motion="any"), precision) == pytest.approx(least)
 
 
-def test_without_a_calibration_every_match_is_accepted() -> None:
-    answers = answers_of("contrast", np.array([[3.0, 1.0], [0.0, 0.0]]))
-    assert accepted(answers, least_probability(ALONE, 0.95)).tolist() == [True, False]
-    assert trust(answers, np.eye(2, dtype=bool), ALONE) is None
+@pytest.mark.parametrize(
+    ("together", "remedy"), [(ALONE, "give --motion any"), (Together(2), "--motion any in place of --sequence 2")]
+)
+def test_no_match_is_accepted_without_a_probability(
+    together: Together, remedy: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    scores = np.array([[3.0, 1.0, 0.0], [0.0, 9.0, 1.0], [0.0, 0.0, 0.0]])
+    _, answers = Answerer.of("contrast", 3, together).step(scores)
+    assert (answers.matches >= 0).any()
+    assert not accepted(answers, least_probability(together)).any()
+    assert caplog.messages == [f"no match is accepted: {together.unknown}"]
+    assert trust(answers, np.eye(3, dtype=bool), together) is None
+    with pytest.raises(ConfigError, match=rf"^a target precision of 0\.9 needs probabilities, but .*; .*{remedy}$"):
+        least_probability(together, 0.9)
 
 
 def test_reliability_counts_plainly() -> None:
@@ -167,7 +177,9 @@ def test_trust_counts_what_thresholds_do() -> None:
 def test_a_filtered_answer_is_right_one_place_beside() -> None:
     truth = np.eye(5, dtype=bool)
     answers = Answers(np.array([1, 0, 2, 3, 2]), np.ones(5), np.full(5, 0.999))
-    alone, near = (trust(answers, truth, together) for together in (ALONE, Together(motion="any")))
+    calibration = Calibration(np.array([[9, RIGHT], [1, OFF_MAP]], np.float32))
+    hows = (Together(calibration=calibration), Together(motion="any"))
+    alone, near = (trust(answers, truth, together) for together in hows)
     assert alone is not None
     assert near is not None
     assert near.thresholds[-1].precision == pytest.approx(4 / 5)

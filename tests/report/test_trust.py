@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lava_vpr.matching.answers import ALONE, Answers, Together
+from lava_vpr.matching.answers import Answers, Together
 from lava_vpr.matching.evaluation import evaluate
+from lava_vpr.matching.probability import OFF_MAP, RIGHT, Calibration
 from lava_vpr.matching.trust import Trust, trust
 from lava_vpr.report.trust import reliability, section
 
@@ -29,7 +30,8 @@ def answers(seed: int, n: int = 80) -> tuple[Answers, NDArray[np.bool_]]:
 def found() -> dict[str, Trust]:
     """By both ways to answer."""
     (alone, truth), (followed, other) = answers(0), answers(1)
-    made = {"single": trust(alone, truth, ALONE), "filtered": trust(followed, other, Together(motion="any"))}
+    calibrated = Together(calibration=Calibration(np.array([[9, RIGHT], [1, OFF_MAP]], np.float32)))
+    made = {"single": trust(alone, truth, calibrated), "filtered": trust(followed, other, Together(motion="any"))}
     return {name: value for name, value in made.items() if value is not None}
 
 

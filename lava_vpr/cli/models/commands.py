@@ -38,6 +38,10 @@ from lava_vpr.traverse import Traverse, open_traverses, ranges_of
 
 _OUTPUT = "File to write (default: MODEL, replaced in one step when the new one is complete)."
 
+duplicates_option = click.option(
+    "--allow-duplicates", is_flag=True, help="Take images that the map has already; otherwise they are refused."
+)
+
 
 def place_ranges(text: str) -> tuple[tuple[int, int], ...]:
     """Absolute indices and ranges of them, with commas between: ``120,130:140``; `ValueError`: the text is none."""
@@ -59,6 +63,7 @@ def place_ranges(text: str) -> tuple[tuple[int, int], ...]:
 @places_option("Images A..B-1 of each of IMAGES (default: all).")
 @every_option
 @reference_positions_options
+@duplicates_option
 @jobs_option
 def extend(
     model_path: Path,
@@ -66,6 +71,7 @@ def extend(
     output: Path | None,
     places: tuple[int, int] | None,
     every: float,
+    allow_duplicates: bool,
     jobs: int | None,
     **where: Any,
 ) -> None:
@@ -90,7 +96,8 @@ def extend(
         stretches = check_extension(model, len(chosen[0]), len(chosen), model_path)
         known = _positions(model, chosen[0], bool(where["positions"]), model_path)
         references = encode_references(chosen, model.config, model.standard, TERMINAL)
-        extending, started = partial(maps.extend, model, references), time.perf_counter()
+        extending = partial(maps.extend, model, references, allow_duplicates=allow_duplicates)
+        started = time.perf_counter()
         with learning_bar(TERMINAL, stretches, model.config, len(chosen)) as bar:
             made = extending(route_images=len(whole[0]), positions=known, pool=pool, progress=bar.show)
         seconds = time.perf_counter() - started
@@ -125,8 +132,9 @@ def remove(model_path: Path, places: tuple[tuple[int, int], ...], output: Path |
 @click.command()
 @click.argument("model_paths", nargs=-1, required=True, metavar="MODEL...", type=PATH)
 @click.option("-o", "--output", required=True, type=PATH, metavar="MODEL", help="File to write (.lvpr).")
+@duplicates_option
 @jobs_option
-def merge(model_paths: tuple[Path, ...], output: Path, jobs: int | None) -> None:
+def merge(model_paths: tuple[Path, ...], output: Path, allow_duplicates: bool, jobs: int | None) -> None:
     """Join models of equal settings into one; what they have learned stays as it is.
 
     MODEL is a file; give two or more. Places stand in their order. Absolute indices are those that extending the first
@@ -140,7 +148,8 @@ def merge(model_paths: tuple[Path, ...], output: Path, jobs: int | None) -> None
     with only_one(output):
         models = [model_file.load(path) for path in model_paths]
         with stage(f"joining {len(models)} models"):
-            made = maps.merge(models, paths=model_paths, pool=Pool(jobs or cores()))
+            pool = Pool(jobs or cores())
+            made = maps.merge(models, paths=model_paths, allow_duplicates=allow_duplicates, pool=pool)
         _save(made, output)
     _report(made, f"merged {len(models)} models", output)
 

@@ -116,7 +116,8 @@ def test_candidates_of_a_sequence_are_those_of_its_end(here: Path) -> None:
     [
         ((), (" may show place 3 (place_00003.png): not accepted, probability 47%, and none is enough for this ",)),
         (("--target-precision", 0.3), (" shows place 3 (place_00003.png): accepted, probability 47%.",)),
-        (("--query-views", 3), (" shows place 3 (place_00003.png): accepted, confidence ",)),
+        (("--query-views", 3), (" may show place 3 (place_00003.png): not accepted, confidence ",)),
+        (("--query-views", 3, "--min-confidence", 0), (" shows place 3 (place_00003.png): accepted, confidence ",)),
         (
             ("--min-confidence", "99"),
             (" may show place 3 (place_00003.png): not accepted, probability 47%, confidence ",),
