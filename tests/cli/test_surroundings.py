@@ -167,7 +167,10 @@ WRITERS: dict[str, tuple[tuple[str, ...], str]] = {
     "bundle": (("deploy", "m.lvpr", "--target", "loihi2", "-o", "new"), "new: the bundle cannot be written"),
     "nir": (("export", "m.lvpr", "-o", "new.nir"), "new.nir: the NIR graph cannot be written"),
     "netx": (("export", "m.lvpr", "-o", "new.net"), "new.net: the NetX file cannot be written"),
-    "model": (("merge", "m.lvpr", "m.lvpr", "-o", "new.lvpr"), "new.lvpr: the model cannot be written"),
+    "model": (
+        ("merge", "m.lvpr", "m.lvpr", "--allow-duplicates", "-o", "new.lvpr"),
+        "new.lvpr: the model cannot be written",
+    ),
     "figures": (("eval", "m.lvpr", "query", "--json", "new.json"), "new.json: cannot be written"),
     "picture": (("fit", "m.lvpr", "--target", "loihi2", "--picture", "new.svg"), "new.svg: cannot be written"),
     "texts": (("datasets", "--json", "new.json"), "new.json: cannot be written"),
