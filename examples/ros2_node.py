@@ -2,19 +2,25 @@
 
     python3 examples/ros2_node.py --ros-args -p model:=route.lvpr -r image:=/camera/image_raw
 
-It needs ROS 2 (rclpy, cv_bridge, sensor_msgs, std_msgs) and lava-vpr in one Python. Topics:
+It needs ROS 2 (rclpy, cv_bridge, sensor_msgs, std_msgs, geometry_msgs) and lava-vpr in one Python. Topics:
 
-    image   sensor_msgs/Image
-    match   std_msgs/String: JSON for each image: time, place, place_name, position, probability, accepted, off_map
+    image         sensor_msgs/Image
+    match         std_msgs/String, JSON: time, place, place_name, position, probability, accepted, off_map
+    initialpose   geometry_msgs/PoseWithCovarianceStamped, of accepted images, if the map has positions
+    rtabmap/info  rtabmap_msgs/Info: posterior and loop closure of each image, if rtabmap_msgs is installed
+    rtabmap/link  rtabmap_msgs/Link, of accepted images, if both
 
-Parameters: model (a path), motion (any, forward or none), target_precision.
+All but ``match`` need a motion other than none. Parameters: model (a path), motion (any, forward or none),
+target_precision.
 """
 
 from __future__ import annotations
 
 import json
+from importlib import import_module
 from typing import Any
 
+import numpy as np
 import rclpy
 from cv_bridge import CvBridge, CvBridgeError
 from rclpy.node import Node
@@ -23,10 +29,32 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
 from lava_vpr import LavaVprError, Localizer
+from lava_vpr.exchange.ros import TOPICS, Messages
+
+
+def type_of(kind: str) -> Any:
+    """The class of a message, named as ``package/msg/Name``."""
+    package, _, name = kind.split("/")
+    return getattr(import_module(f"{package}.msg"), name)
+
+
+def made(kind: str, /, **fields: Any) -> Any:
+    """A message; rclpy takes lists where we have arrays."""
+    plain = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in fields.items()}
+    return type_of(kind)(**plain)
+
+
+def installed(kind: str) -> bool:
+    """Whether messages of this type can be made here."""
+    try:
+        type_of(kind)
+    except ImportError:
+        return False
+    return True
 
 
 class LocalizerNode(Node):
-    """Answers each image of the topic ``image`` on the topic ``match``."""
+    """Answers each image of the topic ``image``."""
 
     def __init__(self) -> None:
         super().__init__("lava_vpr")
@@ -40,6 +68,11 @@ class LocalizerNode(Node):
         )
         self._bridge = CvBridge()
         self._publisher = self.create_publisher(String, "match", 10)
+        known = [topic for topic, kind in TOPICS.items() if installed(kind)]
+        self._messages, self._number = Messages(self._robot.model, made, known), 0
+        self._publishers = {
+            topic: self.create_publisher(type_of(TOPICS[topic]), topic, 10) for topic in self._messages.topics
+        }
         # Of a camera that is faster than we are, the newest image is the one that counts.
         self.create_subscription(Image, "image", self.answer, qos_profile_sensor_data)
 
@@ -52,6 +85,12 @@ class LocalizerNode(Node):
             self.get_logger().warning(str(error))
             return
         self._publisher.publish(String(data=json.dumps(match.values() | {"position": match.position})))
+        belief = self._robot.belief
+        if belief is not None:
+            when = (message.header.stamp.sec, message.header.stamp.nanosec)
+            for topic, said in self._messages.of(self._number, match, belief.places, when):
+                self._publishers[topic].publish(said)
+        self._number += 1
 
 
 def main() -> None:

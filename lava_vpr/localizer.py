@@ -99,6 +99,11 @@ class Localizer:
         """The map, with all that was added and without what was removed."""
         return self._model
 
+    @property
+    def belief(self) -> Belief | None:
+        """How likely each place is, and to be off the map, after the images so far; None with motion ``none``."""
+        return None if self._answerer.filter is None else self._answerer.filter.belief
+
     def reset(self) -> None:
         """Forget the images so far: the next may be anywhere, on the map or off it."""
         self._asker, self._moving = Asker(self._model, self._asking, self._seed), Motion()

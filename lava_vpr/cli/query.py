@@ -6,10 +6,11 @@ import itertools
 import math
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -69,11 +70,13 @@ class Writing:
         output: The file, or `STDOUT`; None: none is named.
         form: A row of `SHOWN`; None: by the file's name.
         top: How many of the best places of each image are named.
+        bag: Folder of a ROS 2 bag; None: none is wanted.
     """
 
     output: Path | None
     form: str | None
     top: int
+    bag: Path | None
 
     @property
     def file(self) -> Path | None:
@@ -148,6 +151,13 @@ class Accepting:
         metavar="K",
         help="Name the K best places of each image, too.",
     ),
+    click.option(
+        "--bag",
+        type=PATH,
+        default=None,
+        metavar="FOLDER",
+        help="Write a ROS 2 bag, too: /initialpose, and rtabmap's posterior and links; with --motion.",
+    ),
 )
 @places_option("Images A..B-1 only (default: all).")
 @every_option
@@ -194,7 +204,10 @@ def query(
     if it is not accepted. Where positions and times are known, columns follow with those of the matched place (x, y or
     lat, lon), the query's time and the metres of error. On standard output lines come as images are done.
     """
-    outputs = Outputs((writing.file,), read=where.files, model=model_path, images=(images,))
+    folders = () if writing.bag is None else (writing.bag,)
+    outputs = Outputs((writing.file,), folders=folders, read=where.files, model=model_path, images=(images,))
+    if folders and motion == NONE:
+        raise click.UsageError("--bag has the covariance of what is believed; give --motion any or forward, too")
     model = _checked(open_model(model_path), asking, where, backend)
     whole = open_traverse(images, every=every, events=model.config.events)
     outputs.spare(whole.paths)
@@ -236,7 +249,7 @@ def _write(
     """Write the rows of the queries as they are answered; how many were recognised."""
     form, least, recognised = writing.form_of(len(traverse)), accepting.least(together), 0
     to = nullcontext(write_stdout) if writing.file is None else text_writer(writing.file)
-    with ExitStack() as waiting, to as write:
+    with ExitStack() as waiting, to as write, _bag(writing.bag, model, traverse) as write_bag:
         write(table.csv_header() if form == "csv" else "")
         if writing.silent:
             waiting.enter_context(stage(f"reading {traverse.source}"))
@@ -247,8 +260,18 @@ def _write(
             found = matches_of(
                 model, answers, good, counts, radius=together.radius, top=writing.top, stamps=done.stamps
             )
+            write_bag(done, answers, found)
             write("".join(SHOWN[form](table, row, least) for row in table.rows(done, answers, found)))
     return recognised
+
+
+def _bag(path: Path | None, model: Model, traverse: Traverse) -> AbstractContextManager[Any]:
+    """What writes the bag at ``path``; None: nothing is written."""
+    if path is None:
+        return nullcontext(lambda *answered: None)
+    from lava_vpr.exchange.bags import bag_writer  # only who wants a bag waits for it
+
+    return bag_writer(path, model, traverse)
 
 
 @contextmanager

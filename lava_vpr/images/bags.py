@@ -154,17 +154,31 @@ def _chosen(path: Path, connections: list[Any], topic: str | None) -> list[Any]:
 
 
 @contextmanager
-def _told(path: Path) -> Iterator[None]:
-    """Say in one line what goes wrong in rosbags, which raises anything of a damaged file."""
+def rosbags_for(path: Path, done: str) -> Iterator[None]:
+    """Say in one line that rosbags, by which ``path`` is to be read or written, cannot be imported.
+
+    Raises:
+        InputError: it is not installed, or lacks what it needs.
+    """
     try:
         yield
     except ImportError as error:
         if (error.name or "").partition(".")[0] not in ("rosbags", "apsw", "lz4", "ruamel", "backports"):
             raise
         raise InputError(
-            f"{shown(path)}: ROS bags are read by the package rosbags, which is missing; install it: "
+            f"{shown(path)}: ROS bags are {done} by the package rosbags, which is missing; install it: "
             "pip install 'lava-vpr[ros]'"
         ) from None
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Say in one line what goes wrong in rosbags, which raises anything of a damaged file."""
+    try:
+        with rosbags_for(path, "read"):
+            yield
+    except (ImportError, InputError):
+        raise
     except OSError as error:
         raise InputError(
             f"{shown(path)}: cannot be read ({error.strerror or shown(str(error))}); check it and its permissions"

@@ -173,6 +173,10 @@ WRITERS: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "figures": (("eval", "m.lvpr", "query", "--json", "new.json"), "new.json: cannot be written"),
     "picture": (("fit", "m.lvpr", "--target", "loihi2", "--picture", "new.svg"), "new.svg: cannot be written"),
+    "bag": (
+        ("query", "m.lvpr", "query", "--motion", "any", "--stamps", "query_positions.csv", "--bag", "new"),
+        "new: cannot be written",
+    ),
     "texts": (("datasets", "--json", "new.json"), "new.json: cannot be written"),
 }
 

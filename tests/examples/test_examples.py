@@ -6,6 +6,7 @@ import importlib.util
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -16,9 +17,10 @@ from support.common import children
 from support.common.bags import bag, frames
 from support.common.commands import images, run
 
-from lava_vpr import Localizer
+from lava_vpr import Localizer, load
 from lava_vpr.images.imagefiles import read_image
 from lava_vpr.matching.decoders import DECODERS
+from lava_vpr.model import save
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -67,6 +69,7 @@ class Node:
     def __init__(self, name: str) -> None:
         self.name, self.parameters, self.published, self.warned = name, {}, [], []
         self.subscribed: list[tuple[str, Any]] = []
+        self.others: dict[str, list[Any]] = {}
 
     def declare_parameter(self, name: str, value: Any) -> None:
         self.parameters[name] = self.given.get(name, value)
@@ -75,8 +78,8 @@ class Node:
         return SimpleNamespace(value=self.parameters[name])
 
     def create_publisher(self, kind: Any, topic: str, depth: int) -> SimpleNamespace:
-        assert topic == "match"
-        return SimpleNamespace(publish=self.published.append)
+        sent = self.published if topic == "match" else self.others.setdefault(topic, [])
+        return SimpleNamespace(publish=sent.append)
 
     def create_subscription(self, kind: Any, topic: str, callback: Any, profile: Any) -> None:
         self.subscribed.append((topic, callback))
@@ -97,6 +100,12 @@ class Bridge:
         return message.data.reshape(message.height, message.width, 3)[:, :, ::-1]
 
 
+MESSAGES = (
+    *("Time", "Vector3", "Quaternion", "Point", "Pose", "PoseWithCovariance", "PoseWithCovarianceStamped"),
+    *("Transform", "Info", "Link", "MapGraph"),
+)
+
+
 @pytest.fixture
 def node_module(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """The example, imported where rclpy and the messages are stand-ins."""
@@ -110,6 +119,9 @@ def node_module(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
         "std_msgs": {},
         "std_msgs.msg": {"String": SimpleNamespace},
     }
+    for package in ("builtin_interfaces", "geometry_msgs", "rtabmap_msgs"):
+        contents |= {package: {}, f"{package}.msg": {name: SimpleNamespace for name in MESSAGES}}
+    contents["std_msgs.msg"]["Header"] = SimpleNamespace
     for name, values in contents.items():
         module = ModuleType(name)
         vars(module).update(values)
@@ -148,12 +160,36 @@ def test_the_node_answers_images(here: Path, node_module: ModuleType, monkeypatc
     assert warning == "cannot convert yuv422"
 
 
+@pytest.mark.parametrize("rtabmap", [True, False])
+def test_the_node_tells_slam(
+    here: Path, node_module: ModuleType, monkeypatch: pytest.MonkeyPatch, rtabmap: bool
+) -> None:
+    """What rtabmap shall hear is left out where its messages are not installed."""
+    if not rtabmap:
+        monkeypatch.setitem(sys.modules, "rtabmap_msgs.msg", None)
+    model = replace(load("m.lvpr"), positions=np.array([(float(k), 0.0) for k in range(8)]), frame="xy")
+    save(model, Path("xy.lvpr"))
+    monkeypatch.setattr(Node, "given", {"model": "xy.lvpr", "target_precision": 0.5}, raising=False)
+    node, robot = node_module.LocalizerNode(), Localizer("xy.lvpr")
+    assert set(node.others) == ({"initialpose", "rtabmap/info", "rtabmap/link"} if rtabmap else {"initialpose"})
+    for number, path in enumerate(images("query")):
+        node.answer(message(read_image(path)[:, :, ::-1], "rgb8"))
+        match = robot.update(read_image(path))
+        pose = node.others["initialpose"][number]
+        assert (pose.header.stamp.sec, pose.header.stamp.nanosec, pose.header.frame_id) == (5, 500_000_000, "map")
+        assert (pose.pose.pose.position.x, pose.pose.pose.position.y) == match.position
+        assert len(pose.pose.covariance) == 36
+        for topic, (name, wanted) in {"info": ("ref_id", number + 9), "link": ("to_id", match.place + 1)}.items():
+            assert not rtabmap or getattr(node.others[f"rtabmap/{topic}"][number], name) == wanted
+
+
 def test_what_is_not_known_is_null(here: Path, node_module: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Node, "given", {"model": "m.lvpr", "motion": "none"}, raising=False)
     node = node_module.LocalizerNode()
     node.answer(message(np.full((48, 64, 3), 90, np.uint8), "rgb8"))
     said = json.loads(node.published[0].data, parse_constant=pytest.fail)
     assert (said["place"], said["place_name"], said["position"], said["off_map"]) == (-1, None, None, None)
+    assert node.others == {"rtabmap/info": []}
 
 
 def test_the_node_runs_until_it_is_stopped(

@@ -1,6 +1,6 @@
 """ROS bags, written by the package rosbags: images of any encoding on any topics.
 
-Used by cli, examples, images and support.
+Used by cli, examples, exchange, images and support.
 """
 
 from __future__ import annotations
