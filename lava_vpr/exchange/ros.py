@@ -85,6 +85,9 @@ LEAST = 1e-6
 """Places that are less likely are left out of a posterior."""
 GLOBAL_CLOSURE = 1
 """Kind of a link between two images of the same place."""
+FAINT = 1e-3
+"""Places that are less likely than this share of the matched one are left out of a covariance: a robot may be carried
+off to any place, of which the filter always believes a little, and far away that little would outweigh the rest."""
 BY_HAND = (0.5**2, 0.5**2, (math.pi / 12) ** 2)
 """Variances of x and y, in square metres, and of the heading, in square radians, of a pose set by hand."""
 ANY_ANGLE = math.pi**2 / 3
@@ -153,13 +156,14 @@ class RoutePoses(NamedTuple):
         return cls(places.values, np.arctan2(steps[:, 1], steps[:, 0])[last], lengths)
 
     def pose(self, place: int, belief: NDArray[np.float64]) -> Pose:
-        """The pose of a place, with the mean squares of how far off it all others are that are believed.
+        """The pose of a place, with the mean squares of how far off it others are, each as likely as it is believed.
 
         Args:
             place: Its number.
             belief: How likely each place is, float64 (places,), not all 0.
         """
-        share = belief / belief.sum()
+        near = np.where(belief >= FAINT * belief[place], belief, 0.0)
+        share = near / near.sum()
         turned = (self.headings - self.headings[place] + math.pi) % (2 * math.pi) - math.pi
         off = np.column_stack([self.points - self.points[place], turned])
         within = float(share @ self.lengths**2) / 12

@@ -93,6 +93,8 @@ def test_a_pose_is_off_by_what_is_believed() -> None:
     off = np.column_stack([CURVE[drawn] - CURVE[2], headings[drawn] - headings[2]])
     off[:, :2] += route.lengths[drawn, None] * rng.uniform(-0.5, 0.5, (len(drawn), 2))
     assert np.allclose(off.T @ off / len(off) + np.diag(BY_HAND), pose.covariance, atol=0.05)
+    faint = belief + 4e-4 * np.eye(8)[5]
+    assert np.array_equal(route.pose(2, faint).covariance, pose.covariance)
 
 
 @pytest.mark.parametrize(
