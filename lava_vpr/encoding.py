@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import draws
 from lava_vpr.errors import InputError, shown
+from lava_vpr.images.imagefiles import side_by_side
 from lava_vpr.images.sampling import Sample
 from lava_vpr.inputs.encoder import INPUTS, THUMBNAIL, EncodedTraverse, EncoderConfig, Keep
 from lava_vpr.inputs.kernels import shared_out
@@ -94,10 +94,27 @@ def encode_views(
     keep: Keep = Keep.NOTHING,
     progress: Callable[[int], None] | None = None,
     standard: Standard | None = None,
+    threads: int = 1,
 ) -> tuple[EncodedTraverse, ...]:
-    """`encode_traverse` of every image in each of ``views``: one encoded traverse a view, in their order."""
+    """`encode_traverse` of every image in each of ``views``: one encoded traverse a view, in their order.
+
+    Args:
+        traverse, encoder, keep, progress, standard: As there.
+        views: The views.
+        threads: Threads that share large image files; they change neither the result nor the error.
+    """
     check_seen(traverse, encoder)
-    return _encoded(traverse.names, traverse.indices, traverse.images(), encoder, views, keep, progress, standard)
+    read, threads = _reading(traverse, encoder, threads)
+    return _encoded(traverse.names, traverse.indices, read, encoder, views, keep, progress, standard, threads)
+
+
+def _reading(traverse: Traverse, encoder: EncoderConfig, threads: int) -> tuple[Callable[[int], NDArray[Any]], int]:
+    """What reads image ``i``, and how many threads can share the images: one where they are no files, or inputs are a
+    package's."""
+    if traverse.frames is None:
+        return traverse.load, threads if INPUTS.built_in(encoder.kind) else 1
+    images = traverse.images()  # a video is decoded in one pass
+    return lambda i: next(images), 1
 
 
 def check_seen(traverse: Traverse, encoder: EncoderConfig) -> None:
@@ -149,7 +166,7 @@ def encode_arrays(
         raise InputError(f"there are {len(named)} names for {len(images)} {word}s; give one for each")
     taken = _vectors(images, encoder.vector_values) if vectors else _images(images, names)
     indices = np.arange(len(taken), dtype=np.int64)
-    return _encoded(named, indices, iter(taken), encoder, views, keep, None, standard)
+    return _encoded(named, indices, taken.__getitem__, encoder, views, keep, None, standard)
 
 
 def image_traverse(images: Sequence[NDArray[Any]]) -> Traverse:
@@ -196,11 +213,12 @@ def encoded_batches(
     progress: Callable[[int], None] | None = None,
     first: int | None = None,
     standard: Standard | None = None,
+    threads: int = 1,
 ) -> Iterator[tuple[EncodedTraverse, ...]]:
     """`encode_views` for ``size`` images at a time, in order; a batch is encoded when it is asked for.
 
     Args:
-        traverse, encoder, views, progress, standard: As in `encode_views`.
+        traverse, encoder, views, progress, standard, threads: As in `encode_views`.
         size: Images in a batch, but for the last.
         first: Images in the first batch, if those shall be fewer; each is twice as large as the one before, up to
             ``size``.
@@ -208,32 +226,37 @@ def encoded_batches(
         InputError: as `encode_views`.
     """
     check_seen(traverse, encoder)
-    images = traverse.images()  # once for all batches: a video is decoded in one pass
+    read, threads = _reading(traverse, encoder, threads)  # once for all batches
     start, count = 0, size if first is None else min(first, size)
     while start < len(traverse):
         part = traverse.take(range(start, min(start + count, len(traverse))))
-        yield _encoded(part.names, part.indices, images, encoder, views, Keep.NOTHING, progress, standard)
+        own = partial(lambda start, i: read(start + i), start)
+        yield _encoded(part.names, part.indices, own, encoder, views, Keep.NOTHING, progress, standard, threads)
         start, count = start + count, min(2 * count, size)
 
 
 def _encoded(
     names: tuple[str, ...],
     indices: NDArray[np.int64],
-    images: Iterator[NDArray[Any]],
+    read: Callable[[int], NDArray[Any]],
     encoder: EncoderConfig,
     views: Sequence[View],
     keep: Keep,
     progress: Callable[[int], None] | None,
     standard: Standard | None,
+    threads: int = 1,
 ) -> tuple[EncodedTraverse, ...]:
-    """The next of ``images``, which have these names and indices, encoded in each of ``views``."""
+    """The images that ``read`` reads, which have these names and indices, encoded in each of ``views``."""
     parts = {part: made for part, made in _parts(encoder).items() if part in keep}
     seen = (STRAIGHT,) if INPUTS[encoder.kind].sees == "vector" else tuple(views)
     activity = np.empty((len(seen), len(names), encoder.inputs), np.float32)
     kept: dict[Keep, NDArray[Any]] = {
         part: np.empty((*activity.shape[:2], *shape), dtype) for part, (shape, dtype, _) in parts.items()
     }
-    for i, whole in enumerate(islice(images, len(names))):
+
+    def encode(i: int) -> NDArray[Any]:
+        """Read and encode an image; the image."""
+        whole = read(i)
         for k, view in enumerate(seen):
             image = seen_as(whole, view)
             for part, (_, _, of) in parts.items():
@@ -243,13 +266,39 @@ def _encoded(
                 activity[k, i] = activity_of(image, encoder, patch, standard)
             except InputError as error:
                 raise InputError(f"{names[i]}: {error}") from None
+        return whole
+
+    for some in _in_order(encode, len(names), threads):
         if progress is not None:
-            progress(1)
+            progress(some)
     arrays = {str(part.name).lower(): array for part, array in kept.items()}
     return tuple(
         EncodedTraverse(names, indices, activity[k], **{name: array[k] for name, array in arrays.items()})
         for k in range(len(seen))
     )
+
+
+LARGE, SHARE = 1 << 17, 1 << 26
+"""Values of an image from which on threads are worth it, and of all that a thread takes before those are told of."""
+
+
+def _in_order(encode: Callable[[int], NDArray[Any]], n: int, threads: int) -> Iterator[int]:
+    """``encode`` of 0..n-1 as if one after the other; yields how many more are done.
+
+    The first is done alone. If it is large, threads share the next ones, some at a time, until something is to be told
+    of one: from then on it is one after the other again.
+    """
+    done = wide = 0
+    while done < n:
+        some = range(done, min(n, done + max(1, wide)))
+        if not wide:
+            values = encode(done).size
+            wide = threads * max(1, SHARE // values) if values >= LARGE and threads > 1 else 0
+        elif not side_by_side(encode, some, threads):
+            wide, threads = 0, 1
+            continue
+        yield len(some)
+        done = some.stop
 
 
 def _parts(encoder: EncoderConfig) -> dict[Keep, tuple[tuple[int, ...], type, Callable[[Any], NDArray[Any]]]]:

@@ -145,7 +145,7 @@ def answer_stream(
         together: How queries are matched with those before them.
         asking: How they are asked.
         seed: The seed of the queries' noise; None: the model's.
-        threads: Threads of the backend; does not change the result.
+        threads: Threads that read images, and those of the backend; they do not change the result.
         pace: Told the scores of the queries.
         at_once: The first image is answered before the second is read, then ever more together; unless the backend is
             slow to start.
@@ -166,6 +166,7 @@ def answer_stream(
         read,
         1 if at_once and calls == 1 else None,
         model.standard,
+        threads,
     )
     asker, first = Asker(model, asking, seed), 0
     shown = (asker.presentations(batch) for batch in batches)

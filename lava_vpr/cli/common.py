@@ -19,6 +19,7 @@ from rich.text import Text
 
 from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
+from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import harmless
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.views import STRAIGHT, View
@@ -338,7 +339,7 @@ def encode_in_views(
 ) -> tuple[EncodedTraverse, ...]:
     """Read and encode a traverse, with a progress bar; ``keep`` is what is kept beside the activity."""
     with progress_bar(f"reading {traverse.source}", len(traverse)) as advance:
-        return encode_views(traverse, encoder, views, keep, advance, standard)
+        return encode_views(traverse, encoder, views, keep, advance, standard, cores())
 
 
 def print_whole(table: Table | str) -> None:

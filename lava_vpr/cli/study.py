@@ -15,6 +15,7 @@ from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.config import PRESETS, Config
 from lava_vpr.encoding import Keep
+from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError, shown
 from lava_vpr.experiments.task import Route
 from lava_vpr.inputs.views import STRAIGHT
@@ -120,7 +121,7 @@ def _route(
             "place i: choose with --places A:B, or give lists of matching images"
         )
     kept = Keep.PATCHES | Keep.VECTORS
-    config, standard, seen = encode_route(learned, config, TERMINAL, keep=kept | Keep.THUMBNAILS)
+    config, standard, seen = encode_route(learned, config, TERMINAL, keep=kept | Keep.THUMBNAILS, threads=cores())
     (queries,) = encode_in_views(asked, config.encoder, (STRAIGHT,), kept, standard)
     order = np.arange(len(queries))
     return Route(tuple(seen), queries, truth_from_indices(order, order, tolerance), standard), config

@@ -18,7 +18,8 @@ import re
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, Any
 
@@ -51,6 +52,9 @@ def _memory_file() -> io.FileIO | IO[bytes]:
 def quiet() -> Iterator[list[bytes]]:
     """Catch what native code prints on standard error; the list is filled with its codec messages at the end."""
     messages: list[bytes] = []
+    if _beside_others():
+        yield messages
+        return
     with _lock, _memory_file() as caught:
         level = cv2.getLogLevel()
         try:
@@ -74,11 +78,64 @@ def quiet() -> Iterator[list[bytes]]:
                     os.write(2, line)
 
 
+SIDE_PIXELS, SIDE_BYTES = 1 << 24, 1 << 27
+"""Pixels of an image, and bytes of its file, that are read beside others at most: each thread holds one."""
+_thread = threading.local()
+
+
+class AloneError(Exception):
+    """Raised out of an image that is to be read when no other is: something has to be told of it, or it is large."""
+
+
+def _beside_others() -> bool:
+    """Whether this thread reads an image beside others."""
+    return getattr(_thread, "beside", False)
+
+
+def _alone_if(needed: bool) -> None:
+    """Leave an image that needs to be read alone, if others are read beside it."""
+    if needed and _beside_others():
+        raise AloneError
+
+
+def side_by_side(work: Callable[[int], object], numbers: Sequence[int], threads: int) -> bool:
+    """Have threads do ``work``, which reads an image, for all ``numbers`` at once.
+
+    Returns:
+        Whether all is done; else something is to be told of one of the images, by an error or otherwise, and nothing
+        was: who does the same one after the other hears it in its turn.
+    """
+
+    given_up = threading.Event()
+
+    def share(k: int) -> None:
+        _thread.beside = True
+        image = None  # kept until the next is read: memory that is given back and taken again costs much
+        for number in numbers[k::threads]:
+            image = None if given_up.is_set() else work(number)
+        del image
+
+    try:
+        with quiet() as messages, ThreadPoolExecutor(threads) as pool:
+            try:
+                list(pool.map(share, range(threads)))
+            finally:
+                given_up.set()
+    except Exception:  # whatever it is: it comes again
+        return False
+    return not _damage_in(messages)
+
+
 MIN_SIDE = 2  # an edge needs two pixels
 
 # Whatever the colour and depth of the file, less transparency; turning is ours, so that it is the same for all formats.
 _AS_STORED = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 _CODEC_DAMAGE = re.compile(rb"premature end|bad Huffman", re.IGNORECASE)
+
+
+def _damage_in(messages: list[bytes]) -> bool:
+    """Whether codecs have said that part of a picture is missing."""
+    return any(_CODEC_DAMAGE.search(line) for line in messages)
 
 
 def decode_image(data: bytes, where: str) -> NDArray[np.uint8]:
@@ -104,10 +161,11 @@ def _decoded_image(data: bytes, where: str) -> NDArray[np.uint8]:
         raise InputError("is empty (0 bytes); copy it again or remove it")
     try:
         header = walk(data)
+        _alone_if(header.width * header.height > SIDE_PIXELS)
         image, messages = _decoded(header.data)
         if image is None:
             raise DamagedError("its picture data cannot be decoded")
-        if any(_CODEC_DAMAGE.search(line) for line in messages):
+        if _damage_in(messages):
             raise DamagedError("part of its picture data is missing")
         if header.shortened and _decoded(header.shortened)[0] is not None:
             raise DamagedError("zeros stand where a picture was")
@@ -132,6 +190,7 @@ def read_image(path: Path) -> NDArray[np.uint8]:
         InputError: the file cannot be read, is no image, is damaged, or holds samples that are neither 8 nor 16 bits.
     """
     try:
+        _alone_if(os.path.getsize(path) > SIDE_BYTES)
         data = read_bytes(path, "image_bytes")
     except OSError as error:
         raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check path and permissions") from None
@@ -161,6 +220,7 @@ def _note(header: Header, image: NDArray[Any], where: str) -> None:
         ),
     ):
         if there:
+            _alone_if(True)
             _NOTES.info(f"{where}: {said}", extra={"sort": sort})
 
 

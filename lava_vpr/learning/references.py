@@ -105,6 +105,7 @@ def encode_route(
     monitor: Monitor = UNSEEN,
     like: Model | str | Path | None = None,
     keep: Keep = Keep.ALL,
+    threads: int = 1,
 ) -> Encoded:
     """The references that show the places of a route, encoded with settings that fit them.
 
@@ -114,6 +115,7 @@ def encode_route(
         monitor: Shows what is being done.
         like: The model whose standard vectors are measured by; None: their own.
         keep: What is kept beside the activity.
+        threads: Threads that read them; they do not change the result.
     Raises:
         LavaVprError: images or settings cannot be used.
     """
@@ -127,7 +129,7 @@ def encode_route(
         standard = standard_like((like if isinstance(like, Model) else open_model(like)).standard, config)
     if standard is not None:
         monitor.line(f"note: {in_words(config, standard)}")
-    return Encoded(config, standard, encode_references(traverses, config, standard, monitor, keep))
+    return Encoded(config, standard, encode_references(traverses, config, standard, monitor, keep, threads))
 
 
 def encode_references(
@@ -136,13 +138,16 @@ def encode_references(
     standard: Standard | None,
     monitor: Monitor = UNSEEN,
     keep: Keep = Keep.ALL,
+    threads: int = 1,
 ) -> list[EncodedTraverse]:
     """The images of ``traverses`` as training takes them, in all views, with a bar for each."""
     views = config.views.views
 
     def encoded(traverse: Traverse, kept: Keep) -> tuple[EncodedTraverse, ...]:
         with monitor.bar(f"reading {traverse.source}", len(traverse)) as advance:
-            return encode_views(traverse, config.encoder, views, kept, lambda read: advance(read, ""), standard)
+            return encode_views(
+                traverse, config.encoder, views, kept, lambda read: advance(read, ""), standard, threads
+            )
 
     # A model keeps the thumbnails of its first traverse.
     kept = [keep & ~Keep.THUMBNAILS if number else keep for number in range(len(traverses))]

@@ -242,7 +242,7 @@ class Training:
         opened(path for traverse in whole for path in traverse.paths)
         chosen, config = self._chosen(whole, monitor)
         stretches = check_size(len(chosen[0]), config, len(chosen), self.parts)
-        config, standard, references = encode_route(chosen, config, monitor, self.standard)
+        config, standard, references = encode_route(chosen, config, monitor, self.standard, threads=pool.threads)
         started = time.perf_counter()
         try:
             with learning_bar(

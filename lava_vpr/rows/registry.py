@@ -133,6 +133,10 @@ class Registry(Mapping[str, Row], Generic[Row]):
         """All names, those of plug-ins that were not loaded yet, too; one of these may turn out not to be usable."""
         return (*self._rows, *self._plugins())
 
+    def built_in(self, name: str) -> bool:
+        """Whether the row ``name`` is one of this program's own."""
+        return name in self._rows
+
     def plugged(self) -> Iterator[tuple[Plugin, str | None]]:
         """Every plug-in of the group, and why it cannot be used; None if it can. All are loaded."""
         for plugin, taken in self._found():

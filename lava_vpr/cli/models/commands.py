@@ -95,7 +95,7 @@ def extend(
         check_references([len(traverse) for traverse in chosen], images, least=1)
         stretches = check_extension(model, len(chosen[0]), len(chosen), model_path)
         known = _positions(model, chosen[0], bool(where["positions"]), model_path)
-        references = encode_references(chosen, model.config, model.standard, TERMINAL)
+        references = encode_references(chosen, model.config, model.standard, TERMINAL, threads=pool.threads)
         extending = partial(maps.extend, model, references, allow_duplicates=allow_duplicates)
         started = time.perf_counter()
         with learning_bar(TERMINAL, stretches, model.config, len(chosen)) as bar:
