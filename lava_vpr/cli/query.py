@@ -88,6 +88,14 @@ class Writing:
         """Whether lines go to a terminal, where a bar would stand between them."""
         return self.file is None and sys.stdout.isatty()
 
+    def outputs(self, motion: str, **inputs: Any) -> Outputs:
+        """The outputs beside their ``inputs``; a bag needs a ``motion``."""
+        if self.bag is None:
+            return Outputs((self.file,), **inputs)
+        if motion == NONE:
+            raise click.UsageError("--bag has the covariance of what is believed; give --motion any or forward, too")
+        return Outputs((self.file,), folders=(self.bag,), **inputs)
+
     def form_of(self, images: int) -> str:
         """The row of `SHOWN`: one of the ``images``, and no output named, is shown in words."""
         if self.form is not None:
@@ -204,10 +212,7 @@ def query(
     if it is not accepted. Where positions and times are known, columns follow with those of the matched place (x, y or
     lat, lon), the query's time and the metres of error. On standard output lines come as images are done.
     """
-    folders = () if writing.bag is None else (writing.bag,)
-    outputs = Outputs((writing.file,), folders=folders, read=where.files, model=model_path, images=(images,))
-    if folders and motion == NONE:
-        raise click.UsageError("--bag has the covariance of what is believed; give --motion any or forward, too")
+    outputs = writing.outputs(motion, read=where.files, model=model_path, images=(images,))
     model = _checked(open_model(model_path), asking, where, backend)
     whole = open_traverse(images, every=every, events=model.config.events)
     outputs.spare(whole.paths)
