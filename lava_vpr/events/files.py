@@ -109,8 +109,14 @@ def _walk(recording: EventRecording, config: EventsConfig, every: float, seen: N
     where, events = shown(recording.path), sum(windows.removed)
     if number == 0:
         span = f"{config.window_events:,} events" if config.window_events else f"{config.window_ms:g} ms"
+        noise, spare = (
+            ("", "")
+            if not windows.removed.hot
+            else (f", {windows.removed.hot:,} of them of hot pixels", ", or set events.hot_pixels to 0")
+        )
         raise InputError(
-            f"{where}: is shorter than half a window of {span} ({int(seen.sum()):,} events); use shorter windows"
+            f"{where}: is shorter than half a window of {span} ({int(seen.sum()):,} events{noise}); use shorter windows"
+            f"{spare}"
         )
     apart, soon = (f"{100 * count / max(1, events):.1f} %" for count in (windows.removed.hot, windows.removed.soon))
     _NOTES.info(

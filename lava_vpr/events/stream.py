@@ -169,7 +169,9 @@ def apart(named: Callable[[str], Any]) -> Parts | None:
 def check_lengths(lengths: list[int], where: str) -> None:
     """Refuse parts of different ``lengths``; ``where`` is what the message begins with."""
     if len(set(lengths)) > 1:
-        raise InputError(f"{where}: has {lengths[0]} times, {lengths[1]} columns, {lengths[2]} rows")
+        raise InputError(
+            f"{where}: has {lengths[0]} times, {lengths[1]} columns, {lengths[2]} rows; give as many of each"
+        )
 
 
 def in_blocks(parts: Parts, length: int, take: Callable[[Any, int, int], Any]) -> Iterator[Raw]:

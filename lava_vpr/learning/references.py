@@ -19,7 +19,7 @@ from lava_vpr.inputs.vectors import Standard
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import XY, Positions, placed
 from lava_vpr.slayer.front_end import learned_filters
-from lava_vpr.training.preparing import fitted, in_words, settings_for, standard_like
+from lava_vpr.training.preparing import check_responses, fitted, in_words, settings_for, standard_like
 from lava_vpr.training.stretches import UNSEEN, Monitor
 from lava_vpr.traverse import Traverse, located, vector_traverse
 from lava_vpr.vectors.files import Vectors, checked_vectors
@@ -129,7 +129,9 @@ def encode_route(
         standard = standard_like((like if isinstance(like, Model) else open_model(like)).standard, config)
     if standard is not None:
         monitor.line(f"note: {in_words(config, standard)}")
-    return Encoded(config, standard, encode_references(traverses, config, standard, monitor, keep, threads))
+    references = encode_references(traverses, config, standard, monitor, keep, threads)
+    check_responses(references, [traverse.source for traverse in traverses])
+    return Encoded(config, standard, references)
 
 
 def encode_references(

@@ -321,8 +321,7 @@ def check_encoded_references(
         raise InputError(f"the references have {error}; rename the file") from None
     if len(np.unique(first.indices)) != len(first):
         raise InputError("two references have the same index; give each place once")
-    if not any(reference.activity.any() for reference in references):
-        raise InputError("no input responds to any reference: they are blank; give images that show something")
+    check_responses(references)
     seen = int(first.indices.max()) + 1
     if route_images is not None and not (whole(route_images) and seen <= route_images <= MOST_COUNT):
         raise InputError(
@@ -330,3 +329,14 @@ def check_encoded_references(
             "traverse"
         )
     return seen if route_images is None else int(route_images)
+
+
+def check_responses(references: Sequence[EncodedTraverse], sources: Sequence[str] = ()) -> None:
+    """Refuse references to which nothing responds; ``sources`` are those that they were read from.
+
+    Raises:
+        InputError: naming them.
+    """
+    if not any(reference.activity.any() for reference in references):
+        where = f"{', '.join(map(shown, sources))}: " if sources else ""
+        raise InputError(f"{where}no input responds to any reference: they are blank; give images that show something")

@@ -26,6 +26,7 @@ def saved(save: Callable[..., None], array: np.ndarray) -> bytes:
 TRAIN = "train {} -o n.lvpr --config quick.toml"
 DEPLOY = "deploy m.lvpr --target kapoho-bay -o c"
 PICTURE = image_bytes(".png", blocky_picture(77))
+DARK = image_bytes(".png", np.zeros((20, 30), np.uint8))
 MORE = {f"query/img{k}.png": PICTURE for k in (6, 7, 8)}
 SHORTER = {f"ref2/img{k}.png": PICTURE for k in range(5)}
 DATA: list[tuple[dict[str, bytes | str | None], str, str]] = [
@@ -36,6 +37,7 @@ DATA: list[tuple[dict[str, bytes | str | None], str, str]] = [
     ({"query/img2.png": ""}, "eval m.lvpr query", "img2.png: "),
     ({"ref/img1.png": "I am no image"}, TRAIN.format("ref"), "img1.png: "),
     ({"ref/img2.tif": image_bytes(".tif", np.full((20, 30), np.nan, np.float32))}, TRAIN.format("ref"), "img2.tif: "),
+    ({"dark/a.png": DARK, "dark/b.png": DARK}, TRAIN.format("dark"), "dark: no input responds to any reference: they"),
     ({"list.txt": "ref/img0.png\nref/none.png\n"}, TRAIN.format("list.txt"), "none.png"),
     ({"list.txt": "# nothing\n"}, TRAIN.format("list.txt"), "list.txt: "),
     ({"v.mp4": "not a video"}, TRAIN.format("v.mp4"), "v.mp4: "),

@@ -179,6 +179,7 @@ SIGNED_COLUMNS = ("aedat4", "tonic", "apart")
         # DSEC's files have no empty chunks: h5py writes none.
         *((kind, lambda e: shortened(e, 0), ("holds no event",)) for kind in EVERY_FORMAT if kind != "dsec"),
         *((kind, lambda e: shortened(e, 1), ("shorter than half a window",)) for kind in EVERY_FORMAT),
+        ("tonic", lambda e: e._replace(x=e.x * 0, y=e.y * 0), ("3,000 of them of hot pixels); ", "hot_pixels to 0")),
     ],
 )
 def test_events_that_cannot_be_are_refused(
@@ -206,7 +207,7 @@ def test_numbers_that_are_none_are_refused(tmp_path: Path) -> None:
         np.savez(path, **parts)
         refused(path, f"event 7 has the {words}")
     np.savez(path, t=EVENTS.t, x=EVENTS.x[:-1], y=EVENTS.y)
-    refused(path, "3000 times, 2999 columns, 3000 rows")
+    refused(path, "3000 times, 2999 columns, 3000 rows; give as many of each")
 
 
 def test_pickled_objects_are_never_made(tmp_path: Path) -> None:
