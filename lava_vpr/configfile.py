@@ -13,7 +13,7 @@ import tomli
 import tomli_w
 
 from lava_vpr.config import Config, preset
-from lava_vpr.errors import ConfigError, brief, harmless, shown
+from lava_vpr.errors import ConfigError, brief, said, shown
 from lava_vpr.settings.ranges import CHANGE_IT, KINDS, declared, need, whole
 from lava_vpr.storage.reading import read_bytes
 
@@ -124,8 +124,8 @@ def _toml(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise ConfigError(f"{shown(path)}: cannot be read ({error.strerror}); give an existing TOML file") from None
     except (ValueError, RecursionError) as error:  # of these are errors of UTF-8 and TOML, and too long numbers
-        cause = "nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())[:200]
-        raise ConfigError(f"{shown(path)}: not a TOML file ({harmless(cause)}); see docs/configuration.md") from None
+        cause = "nested too deeply" if isinstance(error, RecursionError) else said(error)
+        raise ConfigError(f"{shown(path)}: not a TOML file ({cause}); see docs/configuration.md") from None
 
 
 def to_toml(config: Config) -> str:

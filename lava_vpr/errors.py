@@ -98,12 +98,16 @@ _LONGEST = 400
 def shown(path: str | Path) -> str:
     """``path`` for a one-line message: characters that would break the line or the terminal are escaped.
 
-    Of a path of more than `_LONGEST` characters the middle is left out.
+    Of what is longer than `_LONGEST` characters then, the middle is left out.
     """
     text = str(path)
-    if len(text) > _LONGEST:
-        text = f"{text[: _LONGEST // 3]}...{text[-_LONGEST // 2 :]}"
-    return text if text.isprintable() else repr(text)
+    text = text if text.isprintable() else repr(text)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 3]}...{text[-_LONGEST // 2 :]}"
+
+
+def said(error: BaseException) -> str:
+    """What an ``error`` says that may quote a file, for a message: one short printable line, its type if it is none."""
+    return harmless(" ".join(str(error).split())[:200]) or type(error).__name__
 
 
 def harmless(text: str) -> str:

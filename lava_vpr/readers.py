@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError, printable, shown
+from lava_vpr.errors import InputError, brief, printable, shown
 from lava_vpr.events.files import EVENT_STREAM, EVENT_SUFFIXES, event_samples, is_events, windows_of
 from lava_vpr.images.bags import BAG_SUFFIXES, bag_files, bag_samples, is_bag, split_topic
 from lava_vpr.images.files import IMAGE_SUFFIXES, LIST_SUFFIXES, VIDEO_SUFFIXES, folder_images, listed_images
@@ -287,7 +287,7 @@ def open_source(
     """
     check_every(every)
     if not source or "\0" in source:
-        raise InputError(f"{source!r} is not a path; give a folder of images, a list, a video or an image")
+        raise InputError(f"{brief(source)} is not a path; give a folder of images, a list, a video or an image")
     name, of_name = split_topic(source)
     path = Path(name)
     row = _first(lambda row: row.named(source))

@@ -20,7 +20,7 @@ from rich.text import Text
 from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
 from lava_vpr.engine.presentations import cores
-from lava_vpr.errors import harmless
+from lava_vpr.errors import brief, harmless
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.views import STRAIGHT, View
 from lava_vpr.kernelcache import COMPILING, COMPILING_TEXT
@@ -70,7 +70,9 @@ def whole_numbers(least: int = 1) -> Parsed:
         words = text.split(",")
         if not all(word.isascii() and word.isdigit() and len(word) <= 9 and int(word) >= least for word in words):
             example = f"{500 if least else 0},{10 if least else 1}"
-            raise ValueError(f"{text!r} are no numbers of at least {least} with commas between, for instance {example}")
+            raise ValueError(
+                f"{brief(text)} are no numbers of at least {least} with commas between, for instance {example}"
+            )
         return tuple(map(int, words))
 
     return Parsed("N,N,...", parse, _with_commas)
@@ -82,9 +84,9 @@ def different_numbers(text: str) -> tuple[float, ...]:
     with suppress(ValueError):
         numbers = tuple(map(float, text.split(",")))
     if not numbers or not all(math.isfinite(number) and number > 0 for number in numbers):
-        raise ValueError(f"{text!r} are no numbers above 0 with commas between, for instance 1,2,4")
+        raise ValueError(f"{brief(text)} are no numbers above 0 with commas between, for instance 1,2,4")
     if len(set(numbers)) < len(numbers):
-        raise ValueError(f"{text!r} names a number twice; give each once")
+        raise ValueError(f"{brief(text)} names a number twice; give each once")
     return numbers
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from lava_vpr import interrupts
-from lava_vpr.errors import ConfigError, LavaVprError, UsageError, harmless
+from lava_vpr.errors import ConfigError, LavaVprError, UsageError, brief, harmless, shown
 from lava_vpr.kernelcache import COMPILING, COMPILING_TEXT
 from lava_vpr.storage.limits import check_variables
 
@@ -108,7 +108,7 @@ def _check_opencv() -> None:
     Raises:
         ConfigError: it does not.
     """
-    told = [f"{name} is {value[:40]!r}" for name, value in os.environ.items() if name.startswith("OPENCV_")]
+    told = [f"{name} is {brief(value)}" for name, value in os.environ.items() if name.startswith("OPENCV_")]
     if not told:
         return
     from lava_vpr.isolated.child import run_child
@@ -154,7 +154,7 @@ def _loading(command: str) -> Iterator[None]:
 
 def _told(error: OSError) -> str:
     """An error of the system: what it is about, what is wrong, what helps."""
-    where = f"{os.fsdecode(error.filename)}: " if isinstance(error.filename, (str, bytes)) else ""
+    where = f"{shown(os.fsdecode(error.filename))}: " if isinstance(error.filename, (str, bytes)) else ""
     if any(words in str(error) for words in _NO_MEMORY):
         return _out_of_memory(str(error))
     if error.errno == errno.ENOENT and not where and _homeless():

@@ -15,7 +15,7 @@ from lava_vpr.cli.common import PATH, F, Number, Parsed, RegisteredName, noun, s
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.datasets.selecting import Benchmark
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, brief
 from lava_vpr.model import Model
 from lava_vpr.positions.track import MOST_GAP_S
 from lava_vpr.traverse import Traverse, located
@@ -28,9 +28,9 @@ def place_range(text: str) -> tuple[int, int]:
     """``A:B``, images A..B-1 of a naturally sorted sequence, as its numbers; `ValueError`: the text is none."""
     first, colon, end = text.partition(":")
     if not (colon and all(part.isascii() and part.isdigit() and len(part) <= 18 for part in (first, end))):
-        raise ValueError(f"{text!r} is not of the form A:B, for instance 0:100")
+        raise ValueError(f"{brief(text)} is not of the form A:B, for instance 0:100")
     if int(first) >= int(end):
-        raise ValueError(f"{text!r} holds no place; A must be below B")
+        raise ValueError(f"{brief(text)} holds no place; A must be below B")
     return int(first), int(end)
 
 
@@ -43,8 +43,8 @@ class OneSource(click.Command):
         rest = super().parse_args(ctx, args)
         if rest and not ctx.resilient_parsing:
             ctx.fail(
-                f"{rest[0]!r} is one argument too many ({len(rest)} are); give the folder instead of the images in it, "
-                "or a list of them"
+                f"{brief(rest[0])} is one argument too many ({len(rest)} are); give the folder instead of the images "
+                "in it, or a list of them"
             )
         return rest
 

@@ -15,7 +15,7 @@ from lava_vpr.backends.asking import Asking
 from lava_vpr.cli.common import PATH, Parsed, counted, motion_option, precision_option, seed_type, stderr
 from lava_vpr.cli.nouns import OneSource, asking_options, every_option
 from lava_vpr.cli.outputs import write_stdout
-from lava_vpr.errors import InputError
+from lava_vpr.errors import InputError, brief
 from lava_vpr.localizer import Localizer
 from lava_vpr.readers import open_source
 from lava_vpr.storage.tables import json_line
@@ -25,7 +25,7 @@ from lava_vpr.watch.watching import PORT, Recent, live_page, watch as watch_imag
 def port_number(text: str) -> int:
     """A port of this machine; `ValueError`: the text is none."""
     if not (text.isascii() and text.isdigit() and len(text) <= 5 and int(text) < 1 << 16):
-        raise ValueError(f"{text!r} is no port (0 to 65535); put --page behind MODEL and SOURCE")
+        raise ValueError(f"{brief(text)} is no port (0 to 65535); put --page behind MODEL and SOURCE")
     return int(text)
 
 

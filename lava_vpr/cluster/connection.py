@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from lava_vpr import __version__
 from lava_vpr.cluster.tasks import PATIENCE, LostTaskError, Runner, Told
-from lava_vpr.errors import ClusterError, LavaVprError
+from lava_vpr.errors import ClusterError, LavaVprError, brief
 from lava_vpr.interrupts import stoppable
 
 if TYPE_CHECKING:
@@ -251,7 +251,7 @@ def _client(address: str) -> Client:
     except Exception as error:
         raise ClusterError(
             f"no scheduler of a cluster answers ({_named(error.__cause__ or error)}); start one there (dask scheduler) "
-            f"and name what it prints as its address: {address!r} was given"
+            f"and name what it prints as its address: {brief(address)} was given"
         ) from None
 
 
@@ -266,7 +266,7 @@ def _check_address(address: str, keys: object) -> None:
     """
     form = re.fullmatch(r"(tcp|tls)://(\[[0-9A-Fa-f:.%]+\]|[^\s/:\[\]]+):([0-9]{1,5})", address)
     if form is None or not 0 < int(form[3]) < 65536:
-        raise ClusterError(f"--cluster takes tcp://HOST:PORT, not {address!r}; name what dask scheduler prints")
+        raise ClusterError(f"--cluster takes tcp://HOST:PORT, not {brief(address)}; name what dask scheduler prints")
     if form[1] == "tls" and keys is None:
         raise ClusterError(
             f"{address}: Dask's configuration names no keys for TLS; set DASK_DISTRIBUTED__COMM__TLS__CA_FILE, and "

@@ -21,7 +21,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from lava_vpr.errors import InputError, brief, shown
+from lava_vpr.errors import InputError, said, shown
 from lava_vpr.events.stream import BLOCK, EventRecording, Raw, check_size
 from lava_vpr.storage.limits import limit, within
 from lava_vpr.storage.reading import open_regular
@@ -74,9 +74,8 @@ def _opened(path: Path) -> Iterator[_Reader]:
             "install 'lava-vpr[events]'"
         ) from None
     except (_BrokenError, ElementTree.ParseError, EOFError, RuntimeError, MemoryError) as error:
-        why = brief(" ".join(str(error).split())[:160])
         raise InputError(
-            f"{shown(path)}: is damaged, cut short or no AEDAT4 file ({why}); copy it again, or export it anew"
+            f"{shown(path)}: is damaged, cut short or no AEDAT4 file ({said(error)}); copy it again, or export it anew"
         ) from None
 
 

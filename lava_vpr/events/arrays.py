@@ -19,7 +19,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError, brief, shown
+from lava_vpr.errors import InputError, brief, said, shown
 from lava_vpr.events.stream import (
     BLOCK,
     EventRecording,
@@ -118,7 +118,7 @@ def hdf5(path: Path) -> Iterator[Holder]:
     except InputError:
         raise
     except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
-        why = brief(" ".join(str(error).split())[:160])
+        why = said(error)
         if "filter" in why or "plugin" in why:
             raise InputError(
                 f"{shown(path)}: is compressed in a way that h5py cannot read alone ({why}); install what can: "
@@ -236,8 +236,9 @@ def npz(path: Path) -> Iterator[Holder]:
     except OSError as error:
         raise InputError(f"{shown(path)}: cannot be read ({error.strerror or error}); check it") from None
     except ARCHIVE_ERRORS as error:
-        why = shown(" ".join(str(error).split())[:160])
-        raise InputError(f"{shown(path)}: is damaged, cut short or no .npz file ({why}); copy it again") from None
+        raise InputError(
+            f"{shown(path)}: is damaged, cut short or no .npz file ({said(error)}); copy it again"
+        ) from None
     except MemoryError:
         raise InputError(f"{shown(path)}: cannot be unpacked (MemoryError); {_SAVE_IT}") from None
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.fixed import FAN_IN, SCALARS, inhibitory_depth
-from lava_vpr.errors import brief
+from lava_vpr.errors import brief, said
 from lava_vpr.exchange.drawn import Drawn, UnfitNetwork, inhibition_of, packed_references
 from lava_vpr.exchange.nir_writing import FORMAT
 from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
@@ -77,8 +77,7 @@ def _graph(file: Mapping[str, Any]) -> nir.NIRGraph:
             {name: node[name] for name in ("type", "nodes", "edges", "metadata") if name in node}
         )
     except (ValueError, TypeError, KeyError, AssertionError, AttributeError, IndexError, NotImplementedError) as error:
-        cause = " ".join(str(error).split())[:160] or type(error).__name__
-        raise UnfitNetwork(f"is not accepted by NIR's own package ({cause})") from None
+        raise UnfitNetwork(f"is not accepted by NIR's own package ({said(error)})") from None
 
 
 def _check_numbers(name: str, part: dict[str, Any]) -> None:

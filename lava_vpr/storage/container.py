@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import ModelFileError, shown
+from lava_vpr.errors import ModelFileError, brief, said, shown
 from lava_vpr.storage.arrays import ARCHIVE_ERRORS, ArchiveLimitError, array_of, check_budget, entries_of, unpacked
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.reading import parse_json, read_bytes
@@ -115,9 +115,8 @@ def unpack(data: bytes, path: Path, kind: str) -> tuple[dict[str, Any], dict[str
             "free some"
         ) from None
     except _UNFIT as error:
-        cause = " ".join(str(error).split())[:200] or type(error).__name__
         raise ModelFileError(
-            f"{shown(path)}: the {kind} does not hold what it should ({cause}); {REMEDIES[kind]}"
+            f"{shown(path)}: the {kind} does not hold what it should ({said(error)}); {REMEDIES[kind]}"
         ) from None
 
 
@@ -166,7 +165,7 @@ def _check_entries(entries: list[zipfile.ZipInfo], packed: int) -> None:
     for entry in entries:
         name = entry.orig_filename
         if not _ENTRY.fullmatch(name):
-            raise ValueError(f"an unknown entry {name[:60]!r}")
+            raise ValueError(f"an unknown entry {brief(name)}")
         beyond = excess("header_bytes", entry.file_size) if name == "header.npy" else None
         if beyond is not None:
             raise ArchiveLimitError(f"has a header of {beyond}")

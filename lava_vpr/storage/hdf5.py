@@ -15,7 +15,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from lava_vpr.errors import InputError, brief, shown
+from lava_vpr.errors import InputError, brief, said, shown
 from lava_vpr.interrupts import stoppable
 from lava_vpr.storage.limits import excess, limit, unpacking
 from lava_vpr.storage.reading import read_bytes
@@ -59,8 +59,9 @@ def read(path: Path, what: str, limit_name: str = "model_file_bytes", unpacked: 
     except MemoryError:
         raise InputError(f"{shown(path)}: the {what} unpacks to more than this machine has memory for") from None
     except _BROKEN as error:
-        cause = " ".join(str(error).split())[:160] or type(error).__name__
-        raise InputError(f"{shown(path)}: the {what} is truncated or damaged ({cause}); fetch an intact copy") from None
+        raise InputError(
+            f"{shown(path)}: the {what} is truncated or damaged ({said(error)}); fetch an intact copy"
+        ) from None
 
 
 def _content(data: bytes, unpacked: str) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import logging
 import os
 from dataclasses import dataclass
 
-from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.errors import ConfigError, InputError, brief
 
 MIB, GIB = 1 << 20, 1 << 30
 _UNSUSPICIOUS = 64 * MIB
@@ -136,7 +136,7 @@ def limit(name: str) -> int:
     if text is None:
         return LIMITS[name].default
     if not (text.isascii() and text.isdigit() and len(text) <= 18 and int(text) > 0):
-        raise ConfigError(f"{variable(name)} is {text[:40]!r}, but must be a whole number above 0; correct or unset it")
+        raise ConfigError(f"{variable(name)} is {brief(text)}, but must be a whole number above 0; correct or unset it")
     return int(text)
 
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError, brief, shown
+from lava_vpr.errors import InputError, brief, said, shown
 from lava_vpr.inputs.vectors import LARGEST_VALUE
 from lava_vpr.positions.frames import XY, Positions
 from lava_vpr.storage.arrays import (
@@ -181,8 +181,7 @@ def read_npz(path: Path) -> StoredVectors:
     except ArchiveLimitError as error:
         raise InputError(f"{shown(path)}: {error}") from None
     except ARCHIVE_ERRORS as error:
-        cause = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(f"{shown(path)}: is no sound .npz archive ({cause}); {_REMEDY}") from None
+        raise InputError(f"{shown(path)}: is no sound .npz archive ({said(error)}); {_REMEDY}") from None
     return _stored(arrays, path, _REMEDY)
 
 

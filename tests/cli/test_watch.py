@@ -86,12 +86,14 @@ def test_positions_stand_beside_the_place(here: Path) -> None:
 
 def test_images_that_cannot_be_read_are_left_out(here: Path) -> None:
     Path("cut.png").write_bytes(images("query")[0].read_bytes()[:-40])
-    said, result = watched("-", input=f"cut.png\n{images('query')[0]}\nnone.png\n{images('query')[1]}\n")
+    said, result = watched("-", input=f"cut.png\n{images('query')[0]}\n{chr(0) * 600}\n{images('query')[1]}\n")
     assert result.exit_code == 0
     assert [one["query"] for one in said] == [1, 3]
     lines = result.stderr.splitlines()
     assert lines[0].startswith("warning: image 0 is left out (1 so far): cut.png: is damaged or cut short")
-    assert lines[1].startswith("warning: image 2 is left out (2 so far): none.png: cannot be read")
+    assert lines[1].startswith("warning: image 2 is left out (2 so far): '\\x00\\x00")
+    assert "00': cannot be read (" in lines[1]
+    assert len(lines[1]) < 500
     assert lines[2].startswith("note: 2 images, ")
     assert lines[2].endswith(" 2 left out")
 

@@ -19,7 +19,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import NDArray
 from support.fuzz.changes import stored as npy
 
-from lava_vpr.errors import ConfigError, InputError, harmless, shown
+from lava_vpr.errors import ConfigError, InputError, harmless, said, shown
 from lava_vpr.storage.arrays import array_of, read_array
 from lava_vpr.storage.limits import LIMITS, excess, limit, variable
 from lava_vpr.storage.reading import parse_json, read_bytes
@@ -94,6 +94,9 @@ def test_text_for_the_terminal_holds_no_control_characters() -> None:
     assert harmless("a\x1b[31mb\x07\u202e\x9bc\nd\te é") == "a\\x1b[31mb\\x07\\u202e\\x9bc\nd\te é"
     assert harmless("plain é ✓") == "plain é ✓"
     assert shown("a\nb") == "'a\\nb'"
+    assert len(shown("\0" * 600)) < 400
+    assert said(ValueError("a\x1b[31m\n" + "b" * 900)) == "a\\x1b[31m " + "b" * 193
+    assert said(ValueError()) == "ValueError"
     middle = shown("begin/" + "x" * 9000 + "/end")
     assert middle.startswith("begin/xxx")
     assert middle.endswith("xxx/end")

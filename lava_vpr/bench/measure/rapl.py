@@ -18,6 +18,8 @@ from types import TracebackType
 
 import numpy as np
 
+from lava_vpr.errors import brief
+
 ROOT = Path("/sys/class/powercap")
 PERIOD = 0.05
 """Seconds between two readings. A package at 250 W takes over 15 minutes to wrap 2^18 J, so none is missed."""
@@ -59,7 +61,7 @@ def _text(path: Path) -> str:
 def _number(path: Path) -> int:
     text = _text(path)
     if not text.isdigit():
-        raise NoRaplError(f"{path} holds {text[:40]!r}, no number")
+        raise NoRaplError(f"{path} holds {brief(text)}, no number")
     return int(text)
 
 

@@ -24,7 +24,7 @@ from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.cli.train import describe, tell
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.engine.presentations import cores
-from lava_vpr.errors import InputError, ModelFileError, shown
+from lava_vpr.errors import InputError, ModelFileError, brief, shown
 from lava_vpr.exchange.formats import FORMATS, TIME_STEP, FileOptions, format_of, imported
 from lava_vpr.learning.references import encode_references, located_each
 from lava_vpr.maps.changes import check_extension, check_learned
@@ -52,7 +52,7 @@ def place_ranges(text: str) -> tuple[tuple[int, int], ...]:
         elif ":" in word:
             ranges.append(place_range(word))
         else:
-            raise ValueError(f"{word!r} is neither an index nor a range A:B; give for instance 120,130:140")
+            raise ValueError(f"{brief(word)} is neither an index nor a range A:B; give for instance 120,130:140")
     return tuple(ranges)
 
 

@@ -14,7 +14,7 @@ from lava_vpr.cli.outputs import Files, Outputs, command_line, show_results
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.config import StdpLearning
 from lava_vpr.datasets.layouts import DATASETS
-from lava_vpr.errors import InputError, shown
+from lava_vpr.errors import InputError, brief, shown
 from lava_vpr.paper_table import run
 from lava_vpr.paper_table.methods import NETWORKS
 from lava_vpr.paper_table.sections import Source, official, stand_in
@@ -37,11 +37,11 @@ def named_paths(form: str, count: int = 0) -> Parsed:
         name, equals, rest = text.partition("=")
         paths = [rest] if count == 1 else rest.split(",")
         if not equals or not all(paths):
-            raise ValueError(f"{text!r} is not of the form {form}")
+            raise ValueError(f"{brief(text)} is not of the form {form}")
         if name not in DATASETS:
-            raise ValueError(f"there is no dataset {name!r}; choose from {', '.join(DATASETS.names())}")
+            raise ValueError(f"there is no dataset {brief(name)}; choose from {', '.join(DATASETS.names())}")
         if count and len(paths) != count:
-            raise ValueError(f"{text!r} names {len(paths)} files; it is of the form {form}")
+            raise ValueError(f"{brief(text)} names {len(paths)} files; it is of the form {form}")
         return name, tuple(map(Path, paths))
 
     return Parsed(form, parse, lambda named: f"{named[0]}={','.join(path.name for path in named[1])}")
