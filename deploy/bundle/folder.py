@@ -12,9 +12,7 @@ import io
 import json
 import os
 import re
-import shutil
 import stat
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,7 +28,7 @@ from lava_vpr.settings.ranges import whole
 from lava_vpr.storage.arrays import Shape, array_of
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.reading import open_regular, parse_json, read_bytes
-from lava_vpr.storage.writing import read_only, temporary_prefix
+from lava_vpr.storage.writing import folder_beside, read_only, written
 
 FORMAT, VERSION = "lava-vpr bundle", 1
 MANIFEST = "manifest.json"
@@ -221,34 +219,21 @@ def write(path: Path, manifest: Mapping[str, Any], files: Mapping[str, bytes]) -
     """
     check_replaceable(path)
     whole = sealed(manifest, files)
-    try:
-        temporary: Path | None = None
-        try:
-            with held():
-                above = path.absolute().parent
-                temporary = Path(tempfile.mkdtemp(prefix=temporary_prefix(path), suffix=".tmp", dir=above))
-            for name, data in (*sorted(files.items()), (MANIFEST, json_bytes(whole))):
-                target = temporary / name
-                target.parent.mkdir(parents=True, exist_ok=True)
-                with target.open("wb") as file:
-                    file.write(data)
-                    file.flush()
-                    if (before := path / name).is_file():
-                        os.fchmod(file.fileno(), stat.S_IMODE(before.stat().st_mode))
-                    os.fsync(file.fileno())
-            umask = os.umask(0)
-            os.umask(umask)
-            temporary.chmod(stat.S_IMODE(path.stat().st_mode) if path.exists() else 0o777 & ~umask)
-            with held():
-                _put(temporary, path)
-        finally:
-            if temporary is not None:
-                with held():
-                    shutil.rmtree(temporary, ignore_errors=True)  # after an exchange it is the old bundle
-    except OSError as error:
-        raise BundleError(
-            f"{shown(path)}: the bundle cannot be written ({error.strerror}); free space or choose another place"
-        ) from None
+    with written(path, "the bundle ", BundleError), folder_beside(path) as temporary:
+        for name, data in (*sorted(files.items()), (MANIFEST, json_bytes(whole))):
+            target = temporary / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with target.open("wb") as file:
+                file.write(data)
+                file.flush()
+                if (before := path / name).is_file():
+                    os.fchmod(file.fileno(), stat.S_IMODE(before.stat().st_mode))
+                os.fsync(file.fileno())
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(stat.S_IMODE(path.stat().st_mode) if path.exists() else 0o777 & ~umask)
+        with held():
+            _put(temporary, path)  # after an exchange the old bundle is the temporary one
     return ReadBundle(path, whole, dict(files))
 
 

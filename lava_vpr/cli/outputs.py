@@ -23,7 +23,7 @@ from lava_vpr.errors import InputError, harmless, shown
 from lava_vpr.images.files import IMAGE_SUFFIXES
 from lava_vpr.show.page import write_page
 from lava_vpr.show.table import Table
-from lava_vpr.storage.writing import replaceable, write_atomically
+from lava_vpr.storage.writing import replaceable, write_atomically, written
 
 
 class Outputs:
@@ -168,24 +168,13 @@ def _standing(folder: Path) -> Path:
     return next(above for above in (folder, *folder.parents) if os.path.lexists(above))
 
 
-@contextmanager
-def _told(path: Path) -> Iterator[None]:
-    """Turn what goes wrong when ``path`` is written into an `InputError`."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(
-            f"{shown(path)}: cannot be written ({error.strerror}); free space or choose another place"
-        ) from None
-
-
 def write_text(path: Path, text: str) -> None:
     """Write a text file in one step.
 
     Raises:
         InputError: it cannot be written; what was there still is.
     """
-    with _told(path):
+    with written(path):
         write_atomically(path, lambda file: file.write(text.encode()))
 
 
@@ -200,17 +189,17 @@ def text_writer(path: Path) -> Iterator[Callable[[str], None]]:
     Raises:
         InputError: it cannot be written; what was there still is.
     """
-    with _told(path):
+    with written(path):
         text = tempfile.TemporaryFile(dir=os.path.dirname(os.path.realpath(path)))
 
     def write(piece: str) -> None:
-        with _told(path):
+        with written(path):
             text.write(piece.encode())
             text.flush()
 
     try:
         yield write
-        with _told(path):
+        with written(path):
             text.seek(0)
             write_atomically(path, lambda file: shutil.copyfileobj(text, file))
     finally:

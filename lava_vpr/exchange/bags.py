@@ -7,22 +7,19 @@ from __future__ import annotations
 
 import logging
 import os
-import shutil
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from lava_vpr.errors import InputError, shown
 from lava_vpr.exchange.ros import DEFINITIONS, TOPICS, Messages
 from lava_vpr.images.bags import rosbags_for
-from lava_vpr.interrupts import held
 from lava_vpr.matches import Match
 from lava_vpr.matching.answers import Answers
 from lava_vpr.model import Model
-from lava_vpr.storage.writing import temporary_prefix
+from lava_vpr.storage.writing import folder_beside, written
 from lava_vpr.traverse import Traverse
 
 _NOTES = logging.getLogger("lava_vpr")
@@ -53,13 +50,10 @@ def bag_writer(path: Path, model: Model, queries: Traverse) -> Iterator[Write]:
         raise InputError(f"{shown(queries.source)}: a bag has times from 1970 to 2038; correct those of its images")
     with rosbags_for(path, "written"):
         from rosbags import rosbag2
-    temporary: Path | None = None
-    try:
-        with _told(path), held():
-            folder = tempfile.mkdtemp(prefix=temporary_prefix(path), suffix=".tmp", dir=path.absolute().parent)
-            temporary = Path(folder)
-        bag = rosbag2.Writer(temporary / path.name, version=8, storage_plugin=rosbag2.StoragePlugin.MCAP)
-        with _told(path):
+    with ExitStack() as last:
+        with written(path):
+            folder = last.enter_context(folder_beside(path)) / path.name
+            bag = rosbag2.Writer(folder, version=8, storage_plugin=rosbag2.StoragePlugin.MCAP)
             bag.open()
         try:
             yield _writing(path, bag, model)
@@ -67,16 +61,12 @@ def bag_writer(path: Path, model: Model, queries: Traverse) -> Iterator[Write]:
             with suppress(Exception):
                 bag.__exit__(*sys.exc_info())
             raise
-        with _told(path):
+        with written(path):
             bag.__exit__(None, None, None)
-            for file in bag.path.iterdir():
+            for file in folder.iterdir():
                 with file.open("rb") as content:
                     os.fsync(content.fileno())
-            bag.path.rename(path)
-    finally:
-        if temporary is not None:
-            with held():
-                shutil.rmtree(temporary, ignore_errors=True)
+            folder.rename(path)
 
 
 def _writing(path: Path, bag: Any, model: Model) -> Write:
@@ -96,18 +86,7 @@ def _writing(path: Path, bag: Any, model: Model) -> Write:
         for number, match, belief in rows:
             when = round((match.stamp or 0.0) * 1e6) * 1000
             for topic, message in messages.of(number, match, belief, divmod(when, 10**9)):
-                with _told(path):
+                with written(path):
                     bag.write(topics[topic], when, types.serialize_cdr(message, TOPICS[topic]))
 
     return write
-
-
-@contextmanager
-def _told(path: Path) -> Iterator[None]:
-    """Say in one line why the bag cannot be written."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(
-            f"{shown(path)}: cannot be written ({error.strerror}); free space or choose another place"
-        ) from None

@@ -20,7 +20,7 @@ from lava_vpr.exchange.drawn import Drawn, UnfitNetwork, digest, whole
 from lava_vpr.model import IntegerModel, Model, assemble, integer_model
 from lava_vpr.rows.registry import Registry
 from lava_vpr.storage import container
-from lava_vpr.storage.writing import write_atomically
+from lava_vpr.storage.writing import write_atomically, written
 from lava_vpr.training.measuring import calibrated, remeasured
 
 TIME_STEP = 1e-4
@@ -80,15 +80,11 @@ class FormatRow:
             InputError: it cannot be written, or would be larger than what is read.
         """
         try:
-            content, notes = _module(self.writer).content(model, options)
-            write_atomically(path, lambda file: file.write(content))
+            with written(path, f"the {self.holds} "):
+                content, notes = _module(self.writer).content(model, options)
+                write_atomically(path, lambda file: file.write(content))
         except UnfitNetwork as error:
             raise InputError(f"{shown(path)}: the {self.holds} {error}") from None
-        except OSError as error:
-            raise InputError(
-                f"{shown(path)}: the {self.holds} cannot be written ({error.strerror}); free space or choose another "
-                "place"
-            ) from None
         return tuple(notes)
 
     def read(self, path: Path, time_step: float) -> Drawn:

@@ -26,7 +26,7 @@ from lava_vpr.errors import ModelFileError, brief, said, shown
 from lava_vpr.storage.arrays import ARCHIVE_ERRORS, ArchiveLimitError, array_of, check_budget, entries_of, unpacked
 from lava_vpr.storage.limits import excess
 from lava_vpr.storage.reading import parse_json, read_bytes
-from lava_vpr.storage.writing import write_atomically
+from lava_vpr.storage.writing import write_atomically, written
 
 _LEVEL = 3
 """zlib's level: files of models are as small as at its usual 6, and written twice as fast."""
@@ -68,12 +68,8 @@ def save(path: Path, kind: str, header: Mapping[str, Any], arrays: Mapping[str, 
     beyond = excess("model_file_bytes", len(data))
     if beyond is not None:
         raise ModelFileError(f"{shown(path)}: the {kind} has {beyond}")
-    try:
+    with written(path, f"the {kind} ", ModelFileError):
         write_atomically(path, lambda file: file.write(data))
-    except OSError as error:
-        raise ModelFileError(
-            f"{shown(path)}: the {kind} cannot be written ({error.strerror}); free space or choose another place"
-        ) from None
 
 
 def load(path: Path, kind: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

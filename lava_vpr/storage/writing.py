@@ -15,11 +15,11 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
-from lava_vpr.errors import LavaRunError, ModelFileError, shown
+from lava_vpr.errors import InputError, LavaRunError, LavaVprError, ModelFileError, shown
 from lava_vpr.interrupts import held
 
 
@@ -98,6 +98,23 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def written(path: Path, what: str = "", kind: type[LavaVprError] = InputError) -> Iterator[None]:
+    """Say in one line why ``path`` cannot be written, where something of it is.
+
+    Args:
+        path: The file or folder.
+        what: What it is to hold, as in ``"the model "``.
+        kind: The error that says so.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise kind(
+            f"{shown(path)}: {what}cannot be written ({error.strerror}); free space or choose another place"
+        ) from None
 
 
 def _hand_on(before: os.stat_result, handle: int) -> None:
@@ -199,25 +216,48 @@ PREFIX = "lava-vpr-"
 
 
 @contextmanager
-def temporary_folder() -> Iterator[Path]:
+def _folder(**where: Any) -> Iterator[Path]:
     """A new folder, ours alone, that is removed with all it holds at the end of the block.
 
     Only SIGKILL and a loss of power leave it behind.
 
+    Args:
+        where: As `tempfile.mkdtemp` takes it.
     Raises:
-        LavaRunError: there is no place for it.
+        OSError: there is no place for it.
     """
     folder: Path | None = None
     try:
         with held():
-            try:
-                folder = Path(tempfile.mkdtemp(prefix=PREFIX))
-            except OSError as error:
-                raise LavaRunError(
-                    f"no temporary folder can be made ({error}); set TMPDIR to one that can be written"
-                ) from error
+            folder = Path(tempfile.mkdtemp(**where))
         yield folder
     finally:
         if folder is not None:
             with held():
                 shutil.rmtree(folder, ignore_errors=True)
+
+
+def folder_beside(path: Path) -> AbstractContextManager[Path]:
+    """A temporary folder beside ``path``, on the same disk.
+
+    Raises:
+        OSError: there is no place for it.
+    """
+    return _folder(prefix=temporary_prefix(path), suffix=".tmp", dir=path.absolute().parent)
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """A temporary folder where the system has them.
+
+    Raises:
+        LavaRunError: there is no place for it.
+    """
+    with ExitStack() as last:
+        try:
+            folder = last.enter_context(_folder(prefix=PREFIX))
+        except OSError as error:
+            raise LavaRunError(
+                f"no temporary folder can be made ({error}); set TMPDIR to one that can be written"
+            ) from error
+        yield folder

@@ -12,7 +12,6 @@ import math
 import os
 import re
 import shutil
-import tempfile
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +24,7 @@ from lava_vpr.errors import ConfigError, InputError, shown
 from lava_vpr.interrupts import held
 from lava_vpr.positions.frames import LAT_LON, Positions, shown_stamp, utm_frame
 from lava_vpr.positions.track import gpx_text
-from lava_vpr.storage.writing import read_only, temporary_prefix
+from lava_vpr.storage.writing import folder_beside, read_only
 from lava_vpr.synthetic.drawing import Camera, Painter, draw_backdrop, draw_land
 from lava_vpr.synthetic.scene import LOOKS, OCCLUDER, SKY, SURVEY, VIEW, WEATHER, ahead, generator, route
 from lava_vpr.synthetic.things import draw_occluder, draw_things
@@ -335,7 +334,6 @@ def replace_folder(folder: Path, write: Callable[[Path], None], keep: Collection
         InputError: the folder holds something else or what is read-only, or cannot be written.
     """
     target = Path(os.path.abspath(folder))
-    workshop: Path | None = None
     try:
         if os.path.lexists(target) and not target.is_dir():
             raise InputError(f"{shown(folder)}: exists and is not a folder; choose another name")
@@ -349,22 +347,17 @@ def replace_folder(folder: Path, write: Callable[[Path], None], keep: Collection
                 f"{shown(name)}: is read-only and would be replaced; make it writable or choose another folder"
             )
         target.parent.mkdir(parents=True, exist_ok=True)
-        with held():
-            workshop = Path(tempfile.mkdtemp(prefix=temporary_prefix(target), dir=target.parent))
-        (workshop / "new").mkdir()
-        write(workshop / "new")
-        with held():  # half of it done would leave neither result
-            _install(workshop / "new", target, workshop / "old")
+        with folder_beside(target) as workshop:
+            (workshop / "new").mkdir()
+            write(workshop / "new")
+            with held():  # half of it done would leave neither result
+                _install(workshop / "new", target, workshop / "old")
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise InputError(
             f"{shown(folder)}: cannot be written ({reason}); choose a folder on a disk with free space where you may "
             "write"
         ) from None
-    finally:
-        if workshop is not None:
-            with held():
-                shutil.rmtree(workshop, ignore_errors=True)
 
 
 __all__ = [

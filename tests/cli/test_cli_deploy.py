@@ -225,13 +225,6 @@ def test_deploy_searches_for_the_cheapest_weights(here: Path) -> None:
     assert "keeps R@1 within 0 of " in fails(*words, "--prune", 0.999, "--max-loss", 0)
 
 
-def test_figures_do_not_go_into_the_bundle(here: Path) -> None:
-    run("deploy", "m.lvpr", "--target", "loihi2", "-o", "b")
-    said = fails("deploy", "m.lvpr", "--target", "loihi2", "-o", "b", "--json", "b/d.json")
-    assert "b/d.json: would stand in the bundle" in said
-    read(Path("b"))
-
-
 def test_what_the_chip_learns_is_printed_beside_the_model(here: Path) -> None:
     words = ("--target", "loihi2", "-o", "b", "--learning")
     text = run("deploy", "m.lvpr", *words, "--calibrate", "query", "--json", "d.json").stdout

@@ -107,7 +107,6 @@ DATA: list[tuple[dict[str, bytes | str | None], str, str]] = [
     ),
     ({}, "train ref -o quick.toml --config quick.toml", "quick.toml: is also an input"),
     ({}, "query m.lvpr query -o m.lvpr", "m.lvpr: is also an input, which would be replaced"),
-    ({}, "query m.lvpr query -o query/img3.png", "query/img3.png: is also an input"),
     ({}, "eval m.lvpr query --json m.lvpr", "m.lvpr: is also an input, which would be replaced"),
     ({"bad.toml": "preset = 'loihi'\n"}, "train ref -o n.lvpr --preset paper --config bad.toml", "give one of them"),
     (

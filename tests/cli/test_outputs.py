@@ -100,6 +100,7 @@ REFUSED: list[tuple[Callable[[], object] | None, str, str]] = [
     (None, f"{DEPLOY} -o b", "b: is also the model, which would be replaced; name another place"),
     (None, f"{DEPLOY} -o b/c", f"b/c: {IN_BUNDLE}"),
     (None, f"{DEPLOY} -o x --json x/f.json", "x/f.json: would stand in the bundle x, which holds its own files"),
+    (None, f"{TO_LOIHI} --json b/d.json", "b/d.json: would stand in the bundle b, which holds its own files"),
     (None, f"{DEPLOY} -o x --json x", f"x: {TWICE}"),
     (hard_links, "query m.lvpr query -o q.csv", f"q.csv: {INPUT}"),
     (hard_links, "eval m.lvpr query --json q.json", f"q.json: {INPUT}"),
