@@ -49,11 +49,11 @@ def bag_writer(path: Path, model: Model, queries: Traverse) -> Iterator[Write]:
     if not ((queries.stamps >= 0) & (queries.stamps < MOST_SECONDS)).all():
         raise InputError(f"{shown(queries.source)}: a bag has times from 1970 to 2038; correct those of its images")
     with rosbags_for(path, "written"):
-        from rosbags import rosbag2
+        from rosbags.rosbag2 import StoragePlugin, Writer
     with ExitStack() as last:
         with written(path):
             folder = last.enter_context(folder_beside(path)) / path.name
-            bag = rosbag2.Writer(folder, version=8, storage_plugin=rosbag2.StoragePlugin.MCAP)
+            bag = Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP)
             bag.open()
         try:
             yield _writing(path, bag, model)

@@ -163,10 +163,18 @@ def rosbags_for(path: Path, done: str) -> Iterator[None]:
     try:
         yield
     except ImportError as error:
-        if (error.name or "").partition(".")[0] not in ("rosbags", "apsw", "lz4", "ruamel", "backports"):
+        if (error.name or "").partition(".")[0] not in (
+            "rosbags",
+            "apsw",
+            "lz4",
+            "safelz4",
+            "ruamel",
+            "backports",
+            "zstandard",
+        ):
             raise
         raise InputError(
-            f"{shown(path)}: ROS bags are {done} by the package rosbags, which is missing; install it: "
+            f"{shown(path)}: ROS bags are {done} by the package rosbags, which is missing or too old; install it: "
             "pip install 'lava-vpr[ros]'"
         ) from None
 
