@@ -22,7 +22,7 @@ from lava_vpr.errors import ConfigError
 from lava_vpr.interrupts import held
 
 PACKAGE = Path(__file__).parent
-SOURCES = ("engine/**/*.py", "events/*.py", "inputs/*.py")
+SOURCES = ("engine/**/*.py", "events/*.py", "inputs/*.py", "matching/*.py")
 NOTES = logging.getLogger("lava_vpr")
 
 _noted = False

@@ -17,7 +17,7 @@ from lava_vpr.encoding import Keep, encode_arrays, encode_views
 from lava_vpr.engine.adaptation import Motion
 from lava_vpr.matches import Match, matches_of
 from lava_vpr.matching.answers import Answerer, Together, accepted, least_probability
-from lava_vpr.matching.forward_filter import NONE, Belief, ForwardFilter
+from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.model import Model, prepare
 from lava_vpr.positions.frames import Positions
 from lava_vpr.settings.arguments import check_arguments
@@ -114,7 +114,7 @@ class Localizer:
 
         Args:
             image: uint8 (h, w) grey or (h, w, 3) BGR; or a vector, real numbers (values,), of a map of vectors.
-            stamp: When it was taken, in seconds; handed on with the match.
+            stamp: When it was taken, in seconds: after a longer pause than usual the robot may have gone further.
             odometry: Metres driven since the last image, backwards below 0 (or either way, with motion ``any``); None:
                 unknown. Needs a map with positions.
         Raises:
@@ -126,9 +126,9 @@ class Localizer:
         shown = self._asker.presentations(seen)
         counts = summed(self._backend.count_spikes(self._model, shown)[0], self._asking.views)
         moving = None if self._motion == NONE else self._moving.moving(shown.rates[:1])
-        self._answerer, answers = self._answerer.step(self._scores_of(counts), moving, odometry)
+        stamps = None if stamp is None else np.array([stamp], np.float64)
+        self._answerer, answers = self._answerer.step(self._scores_of(counts), moving, odometry, stamps)
         good = accepted(answers, self._least)
-        stamps = None if stamp is None else np.array([stamp])
         (match,) = matches_of(
             self._model, answers, good, counts, radius=self._together.radius, top=CANDIDATES, stamps=stamps
         )
@@ -157,13 +157,11 @@ class Localizer:
         if isinstance(images, (str, Path)):
             config, opened = self._model.config, open_traverse(images, events=self._model.config.events)
             taken = encode_views(opened, config.encoder, config.views.views, Keep.ALL, None, self._model.standard)
-        before = self._answerer.filter
+        known = self._model.places
         how: Any = {"names": names, "positions": positions, "allow_duplicates": allow_duplicates}
-        self._use(maps.extend(self._model, taken, **how))
-        self.reset()
-        if before is not None:
-            new = np.zeros(self._model.places - len(before.belief.places))
-            self._go_on(before, Belief(np.concatenate([before.belief.places, new]), before.belief.off_map))
+        changed = maps.extend(self._model, taken, **how)
+        source = np.arange(changed.places)
+        self._go_on(changed, np.where(source < known, source, -1))
 
     def remove(self, places: Sequence[int]) -> None:
         """Forget places of the map.
@@ -173,14 +171,8 @@ class Localizer:
         Raises:
             InputError: the map has no such place, or fewer than two would be left.
         """
-        before, known = self._answerer.filter, self._model.place_indices
-        self._use(maps.remove(self._model, places))
-        self.reset()
-        if before is not None:
-            kept = np.isin(known, self._model.place_indices)
-            left = before.belief.places[kept]
-            lost = float(before.belief.places.sum() - left.sum())
-            self._go_on(before, Belief(left, before.belief.off_map + lost))
+        changed = maps.remove(self._model, places)
+        self._go_on(changed, np.flatnonzero(np.isin(self._model.place_indices, changed.place_indices)))
 
     def save(self, path: str | Path) -> None:
         """Write the map to a model file; it appears complete or not at all.
@@ -200,12 +192,15 @@ class Localizer:
         self._least = least_probability(self._together, self._precision)
         self._views, self._scores_of = self._asking.of(model), prepare(model)
 
-    def _go_on(self, before: ForwardFilter, belief: Belief) -> None:
-        """Follow on with a changed map, from ``belief``."""
-        along = self._together.along
-        self._answerer = dataclasses.replace(
-            self._answerer, filter=dataclasses.replace(before, belief=belief, along=along)
-        )
+    def _go_on(self, model: Model, source: NDArray[np.int64]) -> None:
+        """Follow on with a changed map, whose places were at ``source`` in the one before; -1: nowhere."""
+        before = self._answerer.filter
+        self._use(model)
+        self.reset()
+        if before is not None:
+            calibration, along = self._together.calibration, self._together.along
+            following = dataclasses.replace(before.remapped(source, along), calibration=calibration)
+            self._answerer = dataclasses.replace(self._answerer, filter=following)
 
 
 def _along(places: Positions | None) -> NDArray[np.float64] | None:

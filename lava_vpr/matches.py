@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.matching.answers import Answers
+from lava_vpr.matching.forward_filter import FASTEST
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import LAT_LON, columns
 
@@ -45,6 +46,7 @@ class Match:
         accepted: Whether that is likely enough for the precision that was aimed at.
         radius: See ``probability``: 0 where each image is answered alone.
         off_map: How likely the robot is off the map; NaN where each image is answered alone.
+        followed: How likely the images before tell where this one is; NaN where each image is answered alone.
         confidence: How sure the decoder is of this image alone; -inf if the image made no neuron spike.
         candidates: The best places, best first; none without a place.
         spikes: Spike counts of the neurons, int32 (neurons,).
@@ -59,6 +61,7 @@ class Match:
     accepted: bool
     radius: int
     off_map: float
+    followed: float
     confidence: float
     candidates: tuple[Candidate, ...]
     spikes: NDArray[np.int32] = field(repr=False)
@@ -84,6 +87,7 @@ class Match:
             position = (None, None) if self.position is None else (round(value, digits) for value in self.position)
             said |= zip(columns(self.frame), position, strict=True)
         said["radius"], said["off_map"] = self.radius, _finite(self.off_map, 6)
+        said["followed"] = _finite(self.followed, 6)
         said["candidates"] = [
             {
                 "place": candidate.place,
@@ -94,6 +98,34 @@ class Match:
             for candidate in self.candidates
         ]
         return said
+
+
+@dataclass
+class Unfollowed:
+    """Counts accepted matches that rest on their images alone, though a filter looks at those before.
+
+    Attributes:
+        accepted: How many matches are accepted.
+        alone: How many of them are of images that are not followed.
+    """
+
+    accepted: int = 0
+    alone: int = 0
+
+    def add(self, *matches: Match) -> None:
+        """Count some matches."""
+        good = [match.followed < 0.5 for match in matches if match.accepted]
+        self.accepted, self.alone = self.accepted + len(good), self.alone + sum(good)
+
+    @property
+    def said(self) -> str | None:
+        """What the robot's maker should know, of at least 20 accepted matches; None if most are followed."""
+        if self.accepted < 20 or 2 * self.alone < self.accepted:
+            return None
+        return (
+            f"{self.alone} of {self.accepted} accepted matches rest on their image alone: images are in no order, or "
+            f"further apart than the filter follows ({FASTEST} places); take them more often"
+        )
 
 
 def matches_of(
@@ -117,7 +149,8 @@ def matches_of(
         top: Most candidates of a match; 1: none but the match itself, and none are named.
         stamps: When each query was taken, in seconds, float64 (n,); None: unknown.
     """
-    off_map = np.full(len(accepted), np.nan) if answers.off_map is None else answers.off_map
+    unknown = np.full(len(accepted), np.nan)
+    off_map, followed = (unknown if known is None else known for known in (answers.off_map, answers.followed))
     chances = answers.probability.tolist()
     if answers.off_map is not None:  # sums of beliefs, which may exceed 1 by their rounding
         chances = [round(chance, 9) for chance in chances]
@@ -135,6 +168,7 @@ def matches_of(
                 accepted=bool(accepted[number]),
                 radius=radius,
                 off_map=float(off_map[number]),
+                followed=float(followed[number]),
                 confidence=float(answers.confidence[number]),
                 candidates=named[number],
                 spikes=counts[number],

@@ -180,7 +180,7 @@ def answer_stream(
             scores = scores_of(some)
             if pace is not None:
                 pace.update(scores)
-            state, answers = state.step(scores, moving)
+            state, answers = state.step(scores, moving, stamps=part.stamps)
             yield Answered(part, answers, some)
             first += len(some)
 
@@ -274,7 +274,7 @@ def recognise(
             held[name] = hold(matcher, scores, truth, Together(sequence, NONE, calibration), pace=seen, keep=keep)
         if answers_here and comparison.motion != NONE and sequence == 1:
             moving = Motion().moving(shown.rates[: len(queries)])
-            followed = follow(matcher, scores, truth, Together(motion=comparison.motion), moving)
+            followed = follow(matcher, scores, truth, Together(1, comparison.motion, calibration), moving)
     adapted = {
         name: hold(matcher, scores, truth, Together(sequence))
         for name, matcher, scores in _adapted_matchers(rivals, backend, advance)
@@ -308,7 +308,7 @@ def _trusts(
     if comparison.sequence == 1:
         found[SINGLE] = trust(single, truth, Together(calibration=comparison.calibration))
     if by_filter is not None:
-        found[FILTERED] = trust(by_filter, truth, Together(motion=comparison.motion))
+        found[FILTERED] = trust(by_filter, truth, Together(1, comparison.motion, comparison.calibration))
     return {name: value for name, value in found.items() if value is not None}
 
 

@@ -44,7 +44,7 @@ from lava_vpr.cli.show.matches import MatchTable, Row, sentences
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError, shown
-from lava_vpr.matches import matches_of
+from lava_vpr.matches import Unfollowed, matches_of
 from lava_vpr.matching.answers import Answers, Together, accepted, least_probability, sure
 from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.sequences import Pace
@@ -253,6 +253,7 @@ def _write(
 ) -> int:
     """Write the rows of the queries as they are answered; how many were recognised."""
     form, least, recognised = writing.form_of(len(traverse)), accepting.least(together), 0
+    unfollowed = Unfollowed()
     to = nullcontext(write_stdout) if writing.file is None else text_writer(writing.file)
     with ExitStack() as waiting, to as write, _bag(writing.bag, model, traverse) as write_bag:
         write(table.csv_header() if form == "csv" else "")
@@ -266,7 +267,10 @@ def _write(
                 model, answers, good, counts, radius=together.radius, top=writing.top, stamps=done.stamps
             )
             write_bag(done, answers, found)
+            unfollowed.add(*found)
             write("".join(SHOWN[form](table, row, least) for row in table.rows(done, answers, found)))
+    if unfollowed.said is not None:
+        stderr.print(f"warning: {unfollowed.said}")
     return recognised
 
 

@@ -91,10 +91,17 @@ def watch(
         for watched in islice(watch_images(localizer, found.frames(), refused), stop_after):
             write_stdout(json_line(watched.values()))
             recent.add(watched)
-        answered, left = recent.said["answered"], recent.said["refused"]
-        stderr.print(f"note: {counted(answered)}, {recent.said['recognised']} recognised, {left} left out")
-        if port is not None and answered != stop_after:
+        _sum_up(recent)
+        if port is not None and recent.said["answered"] != stop_after:
             _stay(recent)
+
+
+def _sum_up(recent: Recent) -> None:
+    """Tell what became of the images."""
+    said = recent.said
+    stderr.print(f"note: {counted(said['answered'])}, {said['recognised']} recognised, {said['refused']} left out")
+    if recent.unfollowed.said is not None:
+        stderr.print(f"warning: {recent.unfollowed.said}")
 
 
 def _stay(recent: Recent) -> NoReturn:

@@ -10,6 +10,7 @@ fit a memory.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -19,12 +20,14 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError
 from lava_vpr.matching import sequences
+from lava_vpr.matching.beliefs import RADIUS, filtered
 from lava_vpr.matching.decoders import best, confidence
 from lava_vpr.matching.equations import Scores
 from lava_vpr.matching.evaluation import Metrics, Tally, Truth
-from lava_vpr.matching.forward_filter import NONE, RADIUS, Belief, ForwardFilter, check_motion, filtered, smooth
+from lava_vpr.matching.forward_filter import NONE, ForwardFilter, check_motion
 from lava_vpr.matching.probability import PRECISION, Calibration, check_precision
 from lava_vpr.matching.sequences import SequenceMatcher
+from lava_vpr.matching.smoothing import smooth
 
 _NOTES = logging.getLogger("lava_vpr")
 
@@ -73,6 +76,7 @@ class Answers(NamedTuple):
         probability: Probability that the query is there (within `Together.radius` places), float64 (n,); NaN where it
             is not known.
         off_map: Probability that the query is off the map, float64 (n,); None without a filter.
+        followed: Probability that the filter follows the robot, float64 (n,); None without one.
         ranking: Of the last of these queries: all but those whose sequence is not complete.
     """
 
@@ -80,6 +84,7 @@ class Answers(NamedTuple):
     confidence: NDArray[np.float64]
     probability: NDArray[np.float64]
     off_map: NDArray[np.float64] | None = None
+    followed: NDArray[np.float64] | None = None
     ranking: Ranking = UNRANKED
 
     def candidates(self, count: int) -> Candidates:
@@ -188,11 +193,15 @@ class Answerer:
         windows = SequenceMatcher(n_places, together.sequence)  # refuses what is no length, too
         following = None
         if together.motion != NONE:
-            following = ForwardFilter(Belief.unknown(n_places), together.motion, together.along)
+            following = ForwardFilter.start(n_places, together.motion, together.calibration, together.along)
         return cls(matcher, together, windows if together.sequence > 1 else None, following)
 
     def step(
-        self, scores: Scores, moving: NDArray[np.bool_] | None = None, odometry: float | None = None
+        self,
+        scores: Scores,
+        moving: NDArray[np.bool_] | None = None,
+        odometry: float | None = None,
+        stamps: NDArray[np.float64] | None = None,
     ) -> tuple[Answerer, Answers]:
         """Take the scores of the next queries.
 
@@ -200,6 +209,7 @@ class Answerer:
             scores: Scores of single queries (n, n_places), higher is better; how many come at a time changes no answer.
             moving: Whether each shows something else than the one before, bool (n,); None: all do. For the filter.
             odometry: Metres driven before each of them; None: unknown. For the filter.
+            stamps: When each was taken, in seconds, float64 (n,); None: unknown. For the filter.
         Returns:
             The next state, and an answer for each of these queries; the first of the stream, whose sequence is not
             complete, have no match.
@@ -210,10 +220,10 @@ class Answerer:
             return self._in_windows(self.windows, scores)
         if self.filter is None:
             return self, answers_of(self.matcher, scores, self.together.calibration)
-        state, beliefs = filtered(self.filter, scores, moving, odometry)
+        state, beliefs = filtered(self.filter, scores, moving, odometry, stamps)
         places, near = beliefs.best()
-        sure, ranking = confidence(self.matcher, scores), Ranking(beliefs.places, scores, probable=True)
-        return replace(self, filter=state), Answers(places, sure, near, beliefs.off_map, ranking)
+        certainty, ranking = confidence(self.matcher, scores), Ranking(beliefs.places, scores, probable=True)
+        return replace(self, filter=state), Answers(places, certainty, near, beliefs.off_map, beliefs.followed, ranking)
 
     def _in_windows(self, windows: SequenceMatcher, scores: Scores) -> tuple[Answerer, Answers]:
         """`step` where scores are added up over sequences."""
@@ -229,8 +239,8 @@ class Answerer:
 def least_probability(together: Together, precision: float | None = None) -> float:
     """The least probability with which an answer is accepted, so that ``precision`` of the accepted are right.
 
-    Of single queries the calibration says it. Filtered ones are sure or not, with little between: of probabilities
-    spread evenly from 1 - 2 (1 - precision) to 1 the mean is the precision.
+    The calibration of single queries says it, and filtered ones are accepted from there on, too: a query that is not
+    followed is a single one. A filtered one is accepted from the precision itself on in any case.
 
     Args:
         together: How queries are matched.
@@ -247,9 +257,8 @@ def least_probability(together: Together, precision: float | None = None) -> flo
             raise ConfigError(f"a target precision of {precision:g} needs probabilities, but {together.unknown}")
         _NOTES.warning(f"no match is accepted: {together.unknown}")
         return float("nan")
-    if together.calibration is None or together.motion != NONE:
-        return max(0.0, 1.0 - 2.0 * (1.0 - wanted))
-    return together.calibration.keeping(wanted).probability
+    known = math.inf if together.calibration is None else together.calibration.keeping(wanted).probability
+    return known if together.motion == NONE else min(known, wanted)
 
 
 def accepted(answers: Answers, least: float) -> NDArray[np.bool_]:
@@ -382,7 +391,6 @@ def follow(
         if before.filter is None:
             raise ValueError("following needs a motion")
         some, moves = scores.of(rows), np.ones(rows.stop - rows.start, np.bool_) if moving is None else moving[rows]
-        _, beliefs = filtered(before.filter, some, moves)
-        later = smooth(before.filter, beliefs, some, moves, later)
+        beliefs, later = smooth(before.filter, some, moves, later)
         both.add(rows, beliefs.places, beliefs.best()[1], truth[rows])
     return Followed(forward.answers, forward.metrics, both.metrics())

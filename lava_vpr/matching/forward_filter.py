@@ -1,68 +1,82 @@
-"""A forward filter over places: the query before says where this one may be, at any speed, either way or at a stop.
+"""A forward filter over places and speeds: the queries before say where this one may be, either way and at any speed.
 
-A belief is a probability for every place, and one for being off the map. Before a query it moves: by up to three places
-(`MOTIONS`), or by as many metres as an odometer says; a little of it may be anywhere (a robot that is carried, a loop),
-and a little leaves the map or comes back. What moves over an end of the route is off the map. Then the query's scores s
-speak: a place r is ``FLAT + p s_r^2 / sum s^2`` times as likely as an image off the map would make it, p being `PEAK`
-(of maps below 200 places less: `SHARE` of their number, so that scores alike say "off the map"). A robot that stands
-still shows the same image again, which is no news: its belief stays.
+The state is a probability for each **track**, a position (a quarter of a place) with a speed (up to eight places a
+query, either way), and the rest: that the robot is **not followed**. Who is not followed is where the query by itself
+says, with its calibrated probability, or off the map. So the first query is answered as a single one, and so is a
+robot that is faster than any track, is carried, or drives in no order.
 
-The filter is causal. `smooth` looks at later queries, too (forward-backward; Rabiner, Proc. IEEE 1989).
+Before a query all tracks move by their speeds, by as many metres as an odometer says, or by more where more time passed
+between two stamps than usual; few change their speed, a few end, and each place where a robot that is not followed may
+be begins some. Then the query speaks: a position r becomes ``FLAT + p s_r^2 / sum s^2`` times as likely as not being
+followed, of scores s, p being `PEAK` (of maps below 100 places less: `SHARE` of their number). A stretch on which
+queries tell nothing must neither end the tracks nor let its errors add up to certainty: tracks may be **hidden**, and
+queries speak faintly to those (`FAINT`). Which share of the tracks is hidden, the queries say themselves; an answer's
+probability has nothing of it. A robot that stands still shows the same image again, which is no news: its state stays.
 
-FLAT, PEAK, SHARE, the steps and the rates below were chosen on Nordland 0:200 (three maps, drives at 0.5 to 2 times the
-speed, with stops, backwards, carried off, off the map); ``python -m benchmarks robot.day`` prints what they reach.
+The filter is causal; `lava_vpr.matching.smoothing` looks at later queries, too.
+
+All numbers below were chosen on Nordland 0:200 (three maps; drives at 0.5 to 8 times the speed, with stops, backwards,
+in random order, carried off, off the map, blurred for 50 places); ``python -m benchmarks robot.day`` prints what they
+reach elsewhere.
 """
 
 from __future__ import annotations
 
-import math
+import functools
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.matching.equations import Scores
+from lava_vpr.matching.probability import Calibration
 
-FLAT, PEAK, SHARE = 0.1, 60.0, 0.3
-ANYWHERE, LEAVING, COMING = 0.01, 0.01, 0.01
-"""Share of a belief that may be at any place by the next query, that leaves the map, and that comes back to it."""
-RADIUS = 1
-"""The probability of an answer is that of its place and of so many on either side."""
+FLAT, PEAK, SHARE = 0.2, 30.0, 0.3
+FAINT, MOST, UNSEEN = 0.05, 10.0, 2.0
+"""How much of a hidden track's evidence hangs on its place, and up to how many times the mean score it rises."""
+ENDING, BEGINNING = 0.01, 0.1
+"""Share of the tracks that end before a query, and of the places where a robot is not followed that begin one."""
+HIDING, REVEALING = 0.003, 0.1
+"""Share of the tracks that are hidden by the next query, and of the hidden ones that are so no more."""
+ELSEWHERE = 0.5
+"""Share of what the best place of a query by itself leaves that is at the other places, by their scores, at most."""
+POSITIONS = 4
+"""Positions a place."""
+FASTEST = 8
+"""Places a query that a track moves at most."""
 
-MOTIONS: dict[str, tuple[int, tuple[float, ...]]] = {
-    "any": (-3, (0.5, 1.0, 1.5, 1.0, 1.5, 1.0, 0.5)),
-    "forward": (0, (1.0, 1.5, 1.0, 0.5)),
-}
-"""By how many places a robot may move from one query to the next: the least, and the weight of each from there on."""
+MOTIONS = ("any", "forward")
+"""How a robot may move along the route: either way, or never back."""
 NONE = "none"
 """No motion is assumed: each query is answered alone."""
 _SPREAD = 0.1
 """An odometer is trusted to this share of what it says, and to one place."""
+_LONGEST, _USUAL = 8.0, 0.1
+"""Times of the usual interval between two stamps that tracks move at most, and how fast the usual one follows."""
 
 
-@dataclass(frozen=True, eq=False)
-class Belief:
-    """Where the robot may be.
+class Speeds(NamedTuple):
+    """The speeds of tracks.
 
     Attributes:
-        places: Probability of each place, float64 (places,).
-        off_map: Probability of being off the map; all together 1.
+        shifts: Positions a query, int64 (speeds,), rising, none of them 0.
+        prior: How often each is, float64 (speeds,); all together 1.
     """
 
-    places: NDArray[np.float64] = field(repr=False)
-    off_map: float
+    shifts: NDArray[np.int64]
+    prior: NDArray[np.float64]
 
-    @classmethod
-    def unknown(cls, n_places: int) -> Belief:
-        """The belief of who knows nothing: half off the map, half at any of ``n_places``."""
-        return cls(np.full(n_places, 0.5 / n_places), 0.5)
 
-    def near(self, place: int, radius: int = RADIUS) -> float:
-        """The probability of ``place`` and of ``radius`` places on either side."""
-        return float(self.places[max(0, place - radius) : place + radius + 1].sum())
+@functools.cache
+def speeds_of(motion: str) -> Speeds:
+    """Those of one of `MOTIONS`: every quarter of a place up to 2, every half up to 4, every place up to `FASTEST`."""
+    unit = POSITIONS
+    ahead = [*range(1, 2 * unit), *range(2 * unit, 4 * unit, unit // 2), *range(4 * unit, FASTEST * unit + 1, unit)]
+    shifts = np.array([-shift for shift in reversed(ahead)] + ahead if motion == "any" else ahead)
+    often = np.gradient(shifts.astype(np.float64)) / (1.0 + (shifts / unit) ** 2 / 4.0)
+    return Speeds(shifts, often / often.sum())
 
 
 def check_motion(motion: str) -> None:
@@ -77,69 +91,99 @@ def check_motion(motion: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class ForwardFilter:
-    """The belief after some queries; state goes in and out: ``state = state.update(scores)``.
+    """The state after some queries; state goes in and out: ``state = state.update(scores)``.
 
     Attributes:
-        belief: The belief after the last query.
+        tracks: Probability of each track, float64 (speeds, positions).
+        positions: Their sums over speeds, float64 (positions,).
+        lost: Probability of not being followed; with the tracks 1.
+        alone: The part of ``lost`` that is at each place, float64 (places,); the rest is off the map.
+        evidence: How many times as likely as not being followed each place made the last query, float64 (places,).
+        hidden: Share of the tracks that is hidden.
         motion: One of `MOTIONS`.
+        calibration: Of the decoder whose scores are given; None: of a query by itself nothing is known but its scores.
         along: Metres along the route of each place, float64 (places,), rising, for odometry; None: unknown.
-        begun: Whether a query was seen: before the first, the belief does not move.
+        off_map: Share of the queries that is taken to be off the map.
+        begun: Whether a query was seen: before the first, nothing moves.
+        stamp: When the last query was taken, in seconds; None: unknown.
+        interval: Seconds that usually pass between two; None: unknown.
     """
 
-    belief: Belief
+    tracks: NDArray[np.float64] = field(repr=False)
+    positions: NDArray[np.float64] = field(repr=False)
+    lost: float
+    alone: NDArray[np.float64] = field(repr=False)
+    evidence: NDArray[np.float64] = field(repr=False)
+    hidden: float = 0.0
     motion: str = "any"
+    calibration: Calibration | None = field(default=None, repr=False)
     along: NDArray[np.float64] | None = field(default=None, repr=False)
+    off_map: float = 0.5
     begun: bool = False
+    stamp: float | None = None
+    interval: float | None = None
 
-    def __post_init__(self) -> None:
-        if self.motion not in MOTIONS:
-            raise ConfigError(f"there is no motion {self.motion!r}; choose from {', '.join(MOTIONS)}")
+    @classmethod
+    def start(
+        cls,
+        n_places: int,
+        motion: str = "any",
+        calibration: Calibration | None = None,
+        along: NDArray[np.float64] | None = None,
+    ) -> ForwardFilter:
+        """The state before the first query, of ``n_places``: not followed, anywhere."""
+        if motion not in MOTIONS:
+            raise ConfigError(f"there is no motion {motion!r}; choose from {', '.join(MOTIONS)}")
+        length = n_places * POSITIONS
+        none, even = np.zeros((len(speeds_of(motion).shifts), length)), np.full(n_places, 0.5 / n_places)
+        return cls(none, none[0], 1.0, even, np.ones(n_places), 0.0, motion, calibration, along)
 
-    @cached_property
-    def _steps(self) -> tuple[tuple[int, float], ...]:
-        """Every step in places, and its share."""
-        least, weights = MOTIONS[self.motion]
-        return tuple((least + k, weight / math.fsum(weights)) for k, weight in enumerate(weights))
-
-    def update(self, scores: NDArray[Any], *, moving: bool = True, odometry: float | None = None) -> ForwardFilter:
+    def update(
+        self,
+        scores: NDArray[Any],
+        *,
+        moving: bool = True,
+        odometry: float | None = None,
+        stamp: float | None = None,
+        chance: float | None = None,
+    ) -> ForwardFilter:
         """Take the scores of the next query.
 
         Args:
             scores: Scores of the places, at least 0, (places,); all 0 say nothing.
-            moving: Whether it shows something else than the last one; if not, it is no news.
+            moving: Whether it shows something else than the last one; if not, it is no news: an odometer alone moves.
             odometry: Metres since the last query, either sign; None: unknown.
+            stamp: When it was taken, in seconds; None: unknown.
+            chance: What `chances` says of it, where that is known already.
         Raises:
             InputError: the scores are not those of as many places; odometry without positions, or no finite number.
         """
-        if scores.shape != self.belief.places.shape:
-            raise InputError(
-                f"scores of shape {scores.shape} for {len(self.belief.places)} places; use one model throughout"
-            )
+        if scores.shape != self.alone.shape:
+            raise InputError(f"scores of shape {scores.shape} for {len(self.alone)} places; use one model throughout")
         if odometry is not None:
             self._check_odometry(odometry)
-        if not moving:
-            return self
-        before = self.moved(self.belief, odometry) if self.begun else self.belief
-        return replace(self, belief=seen(before, evidence(scores)), begun=True)
+        pace, timed = self.timed(stamp)
+        if not moving and self.begun:
+            return replace(timed.moved(odometry), evidence=np.ones(len(scores))) if odometry else timed
+        before = timed.moved(odometry, pace) if self.begun else timed
+        sure = float(self.chances(scores[None])[0]) if chance is None else chance
+        return before._seen(scores, sure)
 
-    def moved(self, belief: Belief, odometry: float | None = None) -> Belief:
-        """``belief`` before the next query is seen."""
-        carried = self._carried(belief.places, odometry)
-        stays = 1.0 - ANYWHERE - LEAVING
-        total, arrived = belief.places.sum(), carried.sum()
-        places = stays * carried + (ANYWHERE * total + COMING * belief.off_map) / len(carried)
-        off_map = (1.0 - COMING) * belief.off_map + LEAVING * total + stays * (total - arrived)
-        return Belief(places, float(off_map))
+    def chances(self, scores: Scores) -> NDArray[np.float64]:
+        """How likely the best place of each query is by itself, float64 (n,), of scores (n, places)."""
+        if self.calibration is not None:
+            return self.calibration.probabilities(scores)
+        likely = evidence(scores)
+        return likely.max(axis=1) / (scores.shape[1] + likely.sum(axis=1))
 
-    def _carried(self, places: NDArray[np.float64], odometry: float | None) -> NDArray[np.float64]:
-        """Where steps or metres take the probabilities ``places``; what goes over an end is gone."""
-        if odometry is not None:
-            return self._driven(places, odometry)
-        carried = np.zeros_like(places)
-        for step, share in self._steps:
-            target, source = _overlap(len(places), step)
-            carried[target] += share * places[source]
-        return carried
+    def timed(self, stamp: float | None) -> tuple[float, ForwardFilter]:
+        """Intervals since the last query, 1 where they are not known; and this state with its stamp."""
+        passed = float("nan") if stamp is None or self.stamp is None else stamp - self.stamp
+        if not 0.0 < passed < float("inf"):  # stamps that go back or are no numbers count for nothing
+            return 1.0, self if stamp is None or not np.isfinite(stamp) else replace(self, stamp=stamp)
+        usual = passed if self.interval is None else self.interval
+        follows = usual + _USUAL * (min(passed, 2.0 * usual) - usual)
+        return min(passed / usual, _LONGEST), replace(self, stamp=stamp, interval=follows)
 
     def _check_odometry(self, metres: float) -> NDArray[np.float64]:
         """Metres along the route of each place, where ``metres`` can be used with them."""
@@ -149,132 +193,122 @@ class ForwardFilter:
             raise InputError(f"odometry is {metres}, but must be a finite number of metres; leave it out where unknown")
         return self.along
 
-    def _driven(self, places: NDArray[np.float64], metres: float) -> NDArray[np.float64]:
-        """Where ``metres`` along the route take the probabilities ``places``."""
-        along = self._check_odometry(metres)
-        ways = (metres,) if self.motion == "forward" else (metres, -metres)
-        carried = np.zeros_like(places)
-        for way in ways:
+    def moved(self, odometry: float | None = None, pace: float = 1.0) -> ForwardFilter:
+        """The state before the next query is seen, ``pace`` intervals after the last."""
+        from lava_vpr.matching.filter_kernels import move
+
+        shifts, prior = speeds_of(self.motion)
+        steps = steps_of(shifts, pace) if odometry is None else np.zeros_like(shifts)
+        entering = BEGINNING * self.alone
+        tracks, positions = move(self.tracks, self.positions, entering, steps, prior, 1.0 - ENDING)
+        if odometry is not None:
+            tracks = self._driven(tracks, odometry)
+            positions = tracks.sum(axis=0)
+        begun = float(entering.sum())
+        old = 1.0 - begun / (begun + (1.0 - ENDING) * float(self.positions.sum()))
+        hidden = old * (self.hidden * (1.0 - REVEALING) + (1.0 - self.hidden) * HIDING)
+        lost = 1.0 - float(positions.sum())
+        return replace(
+            self, tracks=tracks, positions=positions, hidden=hidden, lost=lost, alone=self.alone * (lost / self.lost)
+        )
+
+    def _driven(self, tracks: NDArray[np.float64], metres: float) -> NDArray[np.float64]:
+        """Where ``metres`` along the route take ``tracks``, either way; their speed is what was driven, then."""
+        along, shifts = self._check_odometry(metres), speeds_of(self.motion).shifts
+        last, driven = (len(along) - 1) * POSITIONS, np.zeros_like(tracks)
+        where = np.interp(np.arange(last + 1) / POSITIONS, np.arange(len(along)), along)
+        for way in np.unique(np.sign(shifts)):
+            rows = np.flatnonzero(np.sign(shifts) == way)
+            mass = tracks[rows].sum(axis=0)
+            mass[last] += mass[last + 1 :].sum()
             for off, share in ((-1.0, 0.25), (0.0, 0.5), (1.0, 0.25)):
-                _land(carried, along, along + way * (1.0 + off * _SPREAD), places * (share / len(ways)))
-        blurred = 0.5 * carried
-        for step in (-1, 1):
-            target, source = _overlap(len(places), step)
-            blurred[target] += 0.25 * carried[source]
+                target = where + float(way) * metres * (1.0 + off * _SPREAD)
+                inside = (target >= where[0]) & (target <= where[-1])
+                at = np.interp(target[inside], where, np.arange(last + 1.0))
+                apart = np.abs(at - np.flatnonzero(inside))
+                row = rows[np.abs(np.abs(shifts[rows]) - apart[:, None]).argmin(axis=1)]
+                below = np.minimum(at.astype(np.int64), last - 1)
+                carried = mass[: last + 1][inside] * share
+                np.add.at(driven, (row, below), carried * (1.0 + below - at))
+                np.add.at(driven, (row, below + 1), carried * (at - below))
+        blurred = 0.5 * driven
+        blurred[:, POSITIONS:] += 0.25 * driven[:, :-POSITIONS]
+        blurred[:, :-POSITIONS] += 0.25 * driven[:, POSITIONS:]
         return blurred
 
-    def backward(self, later: Belief) -> Belief:
-        """What later queries say (likelihoods, not probabilities) of each state one motion before; by steps alone."""
-        stays, mean = 1.0 - ANYWHERE - LEAVING, float(later.places.mean())
-        reached = np.zeros_like(later.places)
-        for step, share in self._steps:
-            source, target = _overlap(len(reached), -step)
-            gone = np.ones(len(reached), np.bool_)
-            gone[source] = False
-            reached[source] += share * later.places[target]
-            reached[gone] += share * later.off_map
-        places = stays * reached + ANYWHERE * mean + LEAVING * later.off_map
-        return Belief(places, COMING * mean + (1.0 - COMING) * later.off_map)
+    def _seen(self, scores: NDArray[Any], chance: float) -> ForwardFilter:
+        """The state once a query with these scores, and this probability of its best place by itself, is seen."""
+        if not scores.any():
+            return replace(self, begun=True, evidence=np.ones(len(scores)))
+        share = _shares(scores)
+        faint = UNSEEN * (1.0 - chance) * (1.0 - FAINT + FAINT * np.minimum(len(share) * share, MOST))
+        visible = evidence(scores)
+        told = (1.0 - self.hidden) * float((self.positions * at_positions(visible)).sum())
+        hidden = self.hidden * float((self.positions * at_positions(faint)).sum())
+        total = told + hidden + self.lost
+        likely = (1.0 - self.hidden) * visible + self.hidden * faint
+        factor = at_positions(likely) / total
+        return replace(
+            self,
+            tracks=self.tracks * factor,
+            positions=self.positions * factor,
+            lost=self.lost / total,
+            alone=_by_itself(share, chance) * (self.lost / total),
+            evidence=likely,
+            hidden=hidden / (told + hidden) if told + hidden > 0.0 else 0.0,
+            begun=True,
+        )
+
+    def remapped(self, source: NDArray[np.int64], along: NDArray[np.float64] | None) -> ForwardFilter:
+        """The state for a changed map; what was at a place that is gone is not followed, and off the map.
+
+        Args:
+            source: Which place each of the map's was, int64 (places,); -1: none.
+            along: Metres along the route of each place; None: unknown.
+        """
+        new = source < 0
+        columns = (source[:, None] * POSITIONS + np.arange(POSITIONS)).ravel()
+        tracks, alone = self.tracks[:, columns], self.alone[source]
+        tracks[:, np.repeat(new, POSITIONS)], alone[new] = 0.0, 0.0
+        positions, likely = tracks.sum(axis=0), np.where(new, 1.0, self.evidence[source])
+        lost = self.lost + float(self.positions.sum()) - float(positions.sum())
+        return replace(self, tracks=tracks, positions=positions, lost=lost, alone=alone, evidence=likely, along=along)
 
 
-def _overlap(length: int, step: int) -> tuple[slice, slice]:
-    """Where a row of ``length`` lands, and which part of it does, when it is shifted by ``step``."""
-    step = max(-length, min(length, step))
-    return slice(max(step, 0), length + min(step, 0)), slice(max(-step, 0), length - max(step, 0))
+def steps_of(shifts: NDArray[np.int64], pace: float) -> NDArray[np.int64]:
+    """Positions that each speed moves in ``pace`` intervals."""
+    return np.rint(shifts * pace).astype(np.int64)
 
 
-def _land(
-    carried: NDArray[np.float64], along: NDArray[np.float64], targets: NDArray[np.float64], mass: NDArray[np.float64]
-) -> None:
-    """Add ``mass`` to the two places next to each of the ``targets`` in metres, the nearer the more."""
-    inside = (targets >= along[0]) & (targets <= along[-1])
-    where = np.interp(targets[inside], along, np.arange(len(along), dtype=np.float64))
-    below = np.minimum(where.astype(np.int64), len(along) - 2)
-    upper = where - below
-    np.add.at(carried, below, mass[inside] * (1.0 - upper))
-    np.add.at(carried, below + 1, mass[inside] * upper)
+def _shares(scores: Scores) -> NDArray[np.float64]:
+    """Each place's share of the squared scores (..., places); 0 where all are 0."""
+    squares = np.square(np.asarray(scores, np.float64))
+    total = squares.sum(axis=-1, keepdims=True)
+    return np.divide(squares, total, out=np.zeros_like(squares), where=total > 0)
 
 
 def evidence(scores: Scores) -> NDArray[np.float64]:
-    """How many times as likely as off the map each place makes the scores (..., places); 1 where all are 0."""
-    squares = np.square(np.asarray(scores, np.float64))
-    total = squares.sum(axis=-1, keepdims=True)
-    share = np.divide(squares, total, out=np.zeros_like(squares), where=total > 0)
-    return np.where(total > 0, FLAT + min(PEAK, SHARE * squares.shape[-1]) * share, 1.0)
+    """How many times as likely as who is not followed a track at each place makes the scores (..., places)."""
+    return FLAT + min(PEAK, SHARE * scores.shape[-1]) * _shares(scores)
 
 
-def seen(belief: Belief, likelihood: NDArray[np.float64]) -> Belief:
-    """``belief`` once a query with this likelihood (places,), off the map 1, is seen."""
-    places = belief.places * likelihood
-    total = float(places.sum()) + belief.off_map
-    return Belief(places / total, belief.off_map / total)
-
-
-@dataclass(frozen=True, eq=False)
-class Beliefs:
-    """The beliefs of a traverse, query after query.
-
-    Attributes:
-        places: float64 (n, places).
-        off_map: float64 (n,).
-    """
-
-    places: NDArray[np.float64] = field(repr=False)
-    off_map: NDArray[np.float64] = field(repr=False)
-
-    def best(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """The most probable place of each query, int64 (n,), and the probability of being there, float64 (n,)."""
-        places = self.places.argmax(axis=1)
-        near = [Belief(row, 0.0).near(int(place)) for row, place in zip(self.places, places, strict=True)]
-        return places, np.array(near)
-
-
-def filtered(
-    state: ForwardFilter, scores: Scores, moving: NDArray[np.bool_] | None = None, odometry: float | None = None
-) -> tuple[ForwardFilter, Beliefs]:
-    """The filter after some queries of a traverse, and the belief after each.
+def _by_itself(share: NDArray[np.float64], chance: float) -> NDArray[np.float64]:
+    """The probability of each place by a query alone, float64 (places,); the rest is off the map.
 
     Args:
-        state: The filter before the first of them.
-        scores: float64 (n, places), at least 0.
-        moving: Whether each query shows something else than the one before, bool (n,); None: all do.
-        odometry: Metres before each of them, either sign; None: unknown.
-    Raises:
-        InputError: as `ForwardFilter.update`.
+        share: Of the squared scores, float64 (places,).
+        chance: That its best place is the right one.
     """
-    beliefs = Beliefs(np.empty(scores.shape), np.empty(len(scores)))
-    for number, row in enumerate(scores):
-        state = state.update(row, moving=moving is None or bool(moving[number]), odometry=odometry)
-        beliefs.places[number], beliefs.off_map[number] = state.belief.places, state.belief.off_map
-    return state, beliefs
+    most = float(share.max())
+    others = 1.0 - most
+    part = ELSEWHERE * (1.0 - chance) / others if others > 1e-9 else 0.0
+    single = share * min(part, chance / most)  # none is above the best
+    single[int(share.argmax())] = chance
+    return single
 
 
-def smooth(
-    state: ForwardFilter, beliefs: Beliefs, scores: Scores, moving: NDArray[np.bool_], later: Belief | None = None
-) -> Belief:
-    """Make ``beliefs`` those of who has seen all queries, where they stand.
-
-    Args:
-        state: As `filtered` was given.
-        beliefs: What `filtered` returned.
-        scores, moving: As `filtered` was given.
-        later: What this function returned for the queries that follow these; None: none do.
-    Returns:
-        How likely these queries and all later ones are from each place before the first of them, up to a factor.
-    """
-    seen = later is not None
-    later = Belief(np.ones(scores.shape[1]), 1.0) if later is None else later
-    for number in range(len(scores) - 1, -1, -1):
-        places, off_map = beliefs.places[number], beliefs.off_map
-        if seen:
-            places *= later.places
-            off_map[number] *= later.off_map
-            total = float(places.sum()) + float(off_map[number])
-            places /= total
-            off_map[number] /= total
-        seen = True
-        if moving[number]:
-            later = state.backward(Belief(later.places * evidence(scores[number]), later.off_map))
-            most = max(float(later.places.max()), later.off_map)
-            later = Belief(later.places / most, later.off_map / most)
-    return later
+def at_positions(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values of places, float64 (places,), at all positions (positions,): straight lines from place to place."""
+    part = np.arange(POSITIONS) / POSITIONS
+    following = np.append(places[1:], places[-1])
+    return (places[:, None] * (1.0 - part) + following[:, None] * part).ravel()

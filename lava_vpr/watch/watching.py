@@ -24,7 +24,7 @@ from lava_vpr.errors import InputError
 from lava_vpr.inputs.encoder import THUMBNAIL
 from lava_vpr.inputs.vectors import picture_of
 from lava_vpr.localizer import Localizer
-from lava_vpr.matches import Match
+from lava_vpr.matches import Match, Unfollowed
 from lava_vpr.model import Model
 from lava_vpr.readers import Frame
 from lava_vpr.report.images import data_uri, shrunk
@@ -91,6 +91,7 @@ class Recent:
         model: The model that answers.
     Attributes:
         said: The status, and how many images were answered, recognised and refused.
+        unfollowed: Counts what the filter did not follow.
     """
 
     def __init__(self, model: Model) -> None:
@@ -104,6 +105,7 @@ class Recent:
         self._spikes: deque[NDArray[np.uint16]] = deque(maxlen=HISTORY)
         self._last: Watched | None = None
         self.said: dict[str, Any] = {"status": "waiting", "answered": 0, "recognised": 0, "refused": 0}
+        self.unfollowed = Unfollowed()
         self._version, self._made = 0, (-1, b"")
 
     def add(self, watched: Watched) -> None:
@@ -119,6 +121,7 @@ class Recent:
             self._spikes.append(pooled)
             self.said["answered"] += 1
             self.said["recognised"] += int(match.accepted)
+            self.unfollowed.add(match)
             self._say(status="watching")
 
     def refuse(self) -> None:

@@ -46,7 +46,7 @@ def test_the_answers_are_those_of_query(words: tuple[str, ...], here: Path) -> N
     rows = [json.loads(line) for line in Path("q.jsonl").read_text().splitlines()]
     for one, row in zip(said, rows, strict=True):
         assert {key: one[key] for key in row} == row
-        assert set(row) == set(one) - {"time", "radius", "off_map"}
+        assert set(row) == set(one) - {"time", "radius", "off_map", "followed"}
         assert one["radius"] == (0 if "none" in words else 1)
 
 
@@ -64,6 +64,7 @@ def test_the_keys_of_a_line(here: Path) -> None:
             "probability",
             "radius",
             "off_map",
+            "followed",
         ),
         "candidates",
     ]

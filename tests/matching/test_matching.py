@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from lava_vpr.errors import InputError
 from lava_vpr.matching import answers, sequences
 from lava_vpr.matching.answers import Answerer, Answers, InBlocks, Together, answers_of, follow, hold
+from lava_vpr.matching.beliefs import filtered
 from lava_vpr.matching.evaluation import evaluate, truth_from_indices
-from lava_vpr.matching.forward_filter import Belief, ForwardFilter, filtered, smooth
+from lava_vpr.matching.forward_filter import ForwardFilter
 from lava_vpr.matching.probability import RIGHT, WRONG, Calibration
 from lava_vpr.matching.sequences import (
     SequenceMatcher,
@@ -21,6 +22,7 @@ from lava_vpr.matching.sequences import (
     sequence_scores,
     sequence_truth,
 )
+from lava_vpr.matching.smoothing import smooth
 
 
 @st.composite
@@ -232,14 +234,14 @@ def test_sequences(length: int, block: int) -> None:
 def test_a_filter_forward_and_back(motion: str, seed: int, block: int) -> None:
     scores, truth = drawn(seed)
     moving = np.random.default_rng(seed).random(QUERIES) < 0.7
-    start = ForwardFilter(Belief.unknown(PLACES), motion)
+    start = ForwardFilter.start(PLACES, motion)
     _, beliefs = filtered(start, scores, moving)
     found = follow("contrast", InBlocks.made(scores), truth, Together(motion=motion), moving)
     places, probability = beliefs.best()
     np.testing.assert_array_equal(found.answers.matches, places)
     np.testing.assert_array_equal(found.answers.probability, probability)
     assert found.filtered == evaluate(beliefs.places, probability, truth)
-    smooth(start, beliefs, scores, moving)
+    beliefs, _ = smooth(start, scores, moving)
     assert found.smoothed == evaluate(beliefs.places, beliefs.best()[1], truth)
 
 

@@ -113,9 +113,13 @@ def test_equal_margins_are_accepted_together(precision: float, kept: float, fals
     assert calibration.probabilities(np.array([[9.0, 0.0], [1.0, 0.0]])) == pytest.approx([0.8, 4 / 11], abs=0.005)
 
 
-@pytest.mark.parametrize(("precision", "least"), [(0.99, 0.98), (0.95, 0.9), (0.5, 0.0), (0.3, 0.0)])
-def test_filtered_answers_are_accepted_from_twice_as_far_below_one(precision: float, least: float) -> None:
-    assert least_probability(Together(motion="any"), precision) == pytest.approx(least)
+@pytest.mark.parametrize("precision", [0.4, 0.7, 0.9])
+def test_filtered_answers_are_accepted_as_single_ones_or_from_the_precision_on(precision: float) -> None:
+    """By the curve, 0.8 at a margin of 9 and 4/11 at one of 1: 0.4 keeps both, 0.7 the surer, and 0.9 neither."""
+    known = Calibration(np.array([[9, RIGHT]] * 4 + [[9, OFF_MAP]] + [[1, RIGHT]] * 4 + [[1, OFF_MAP]] * 7, np.float32))
+    least = {0.4: 4 / 11, 0.7: 0.7, 0.9: 0.9}[precision]
+    assert least_probability(Together(motion="any", calibration=known), precision) == pytest.approx(least, abs=0.005)
+    assert least_probability(Together(motion="any"), precision) == precision
 
 
 @pytest.mark.parametrize(

@@ -124,7 +124,7 @@ def test_candidates_of_a_sequence_are_those_of_its_end(here: Path) -> None:
         ),
         (("--min-confidence", "0"), (" shows place 3 (place_00003.png): accepted, ",)),
         (("--top", 2), ("not accepted", "\n2. place ", "score ")),
-        (("--top", 2, *FILTERED), ("not accepted", "less than the 90% from which on", "\n2. place ", ", probability ")),
+        (("--top", 2, *FILTERED), ("not accepted", "less than the 95% from which on", "\n2. place ", ", probability ")),
     ],
 )
 def test_one_image_is_told_in_a_sentence(words: tuple[object, ...], parts: tuple[str, ...], here: Path) -> None:
