@@ -17,6 +17,7 @@ from lava_vpr.encoding import Keep, encode_arrays, encode_views
 from lava_vpr.engine.adaptation import Motion
 from lava_vpr.matches import Match, matches_of
 from lava_vpr.matching.answers import Answerer, Together, accepted, least_probability
+from lava_vpr.matching.beliefs import Belief
 from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.model import Model, prepare
 from lava_vpr.positions.frames import Positions
@@ -50,7 +51,7 @@ class Localizer:
 
     Args:
         model: A model, or the path of a model file or bundle.
-        motion: ``any``: the robot drives at any speed, stops and turns; ``forward``: never back; ``none``: each image
+        motion: ``any``: the robot drives either way, stops and turns; ``forward``: never back; ``none``: each image
             is answered alone.
         adapt: Time constant in images by which neurons' biases follow the images before; None: they do not.
         query_views: Sideways views in which each image is presented, an odd number. With more than one, and motion
@@ -102,7 +103,7 @@ class Localizer:
     @property
     def belief(self) -> Belief | None:
         """How likely each place is, and to be off the map, after the images so far; None with motion ``none``."""
-        return None if self._answerer.filter is None else self._answerer.filter.belief
+        return None if self._answerer.filter is None else Belief.of(self._answerer.filter)
 
     def reset(self) -> None:
         """Forget the images so far: the next may be anywhere, on the map or off it."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,16 +27,36 @@ def at_places(positions: NDArray[np.float64], likely: NDArray[np.float64]) -> ND
     return places
 
 
-@dataclass(frozen=True, eq=False)
-class Beliefs:
-    """The beliefs of a traverse, query after query.
+class Belief(NamedTuple):
+    """Where the robot may be after a query.
 
     Attributes:
-        places: Probability of each place, float64 (n, places).
-        off_map: Probability of being off the map, float64 (n,); with ``places`` 1.
-        sure: The part of ``places`` that does not rest on hidden tracks, float64 (n, places).
-        followed: Probability that the robot is followed, and by this query, too, float64 (n,).
+        places: Probability of each place, float64 (places,).
+        off_map: Probability of being off the map; with ``places`` 1.
+        sure: The part of ``places`` that does not rest on hidden tracks, float64 (places,).
+        followed: Probability that the robot is followed, and by this query, too.
     """
+
+    places: NDArray[np.float64]
+    off_map: float
+    sure: NDArray[np.float64]
+    followed: float
+
+    @classmethod
+    def of(cls, state: ForwardFilter) -> Belief:
+        """What a state says."""
+        tracks, alone = at_places(state.positions, state.evidence), state.alone
+        total = float(state.positions.sum())
+        left = state.hidden * state.off_map  # where queries tell nothing, what was believed before speaks
+        off_map = max(0.0, state.lost - float(alone.sum())) + left * total
+        return cls(
+            alone + (1.0 - left) * tracks, off_map, alone + (1.0 - state.hidden) * tracks, (1.0 - state.hidden) * total
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Beliefs:
+    """The beliefs of a traverse, query after query: of n, the attributes of `Belief` as arrays, n the first axis."""
 
     places: NDArray[np.float64] = field(repr=False)
     off_map: NDArray[np.float64] = field(repr=False)
@@ -49,11 +70,8 @@ class Beliefs:
 
     def put(self, number: int, state: ForwardFilter) -> None:
         """Take what ``state`` says after one query."""
-        tracks, alone = at_places(state.positions, state.evidence), state.alone
-        left = state.hidden * state.off_map  # where queries tell nothing, what was believed before speaks
-        self.places[number], self.sure[number] = alone + (1.0 - left) * tracks, alone + (1.0 - state.hidden) * tracks
-        self.followed[number] = (1.0 - state.hidden) * (1.0 - state.lost)
-        self.off_map[number] = max(0.0, state.lost - float(alone.sum())) + left * (1.0 - state.lost)
+        said = Belief.of(state)
+        self.places[number], self.off_map[number], self.sure[number], self.followed[number] = said
 
     def best(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """The most probable place of each query, int64 (n,), and the probability of being near it, float64 (n,)."""

@@ -1,4 +1,4 @@
-"""A forward filter over places and speeds: the queries before say where this one may be, either way and at any speed.
+"""A forward filter over places and speeds: the queries before say where this one may be, either way, at many speeds.
 
 The state is a probability for each **track**, a position (a quarter of a place) with a speed (up to eight places a
 query, either way), and the rest: that the robot is **not followed**. Who is not followed is where the query by itself

@@ -351,6 +351,13 @@ def test_odometry_by_hand(motion: str, ahead: float, back: float) -> None:
     assert state.moved(0.0).positions[[16, 20, 24]] == pytest.approx(0.99 * np.array([0.25, 0.5, 0.25]))
 
 
+def test_an_odometer_moves_what_stands_still() -> None:
+    state = followed_at(1, 10, "forward", np.arange(10.0))
+    moved = state.update(np.ones(10), moving=False, odometry=3.0)
+    np.testing.assert_array_equal(moved.positions, state.moved(3.0).positions)
+    assert state.update(np.ones(10), moving=False, odometry=0.0) is state
+
+
 def test_odometry_over_an_end_is_followed_no_more() -> None:
     along = np.cumsum(np.array([0.0, 5, 5, 20, 5, 5, 5, 30, 5, 5]))
     state = followed_at(1, 10, "forward", along)

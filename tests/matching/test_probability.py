@@ -120,6 +120,9 @@ def test_filtered_answers_are_accepted_as_single_ones_or_from_the_precision_on(p
     least = {0.4: 4 / 11, 0.7: 0.7, 0.9: 0.9}[precision]
     assert least_probability(Together(motion="any", calibration=known), precision) == pytest.approx(least, abs=0.005)
     assert least_probability(Together(motion="any"), precision) == precision
+    single = least_probability(Together(calibration=known), precision)
+    assert single == known.keeping(precision).probability
+    assert precision < 0.9 or math.isinf(single)
 
 
 @pytest.mark.parametrize(
