@@ -243,12 +243,3 @@ def test_an_existing_output_is_replaced_in_one_step(name: str, here: Path, monke
     assert re.search(rf"^{name}: .*No space left on device.*free", fails(*WRITERS[name].split()))
     assert Path(name).read_bytes() == fresh
     assert not list(here.glob(".*.tmp"))
-
-
-@pytest.mark.parametrize("name", WRITERS)
-def test_what_is_no_file_is_never_replaced(name: str, here: Path) -> None:
-    """A rename puts a file in the place of anything, for root even of a device such as /dev/null."""
-    os.mkfifo(name)
-    assert fails(*WRITERS[name].split()).startswith(f"{name}: ")
-    assert Path(name).is_fifo()
-    assert not list(here.glob("*.checkpoint"))

@@ -174,14 +174,6 @@ def test_rows_without_indices_are_stored_only_where_they_are_asked_for(here: Pat
         assert run("verify", "b", "query", "--backend", "bundle").exit_code == 0
 
 
-def test_rows_without_indices_mean_nothing_on_loihi_2_or_without_a_model(here: Path) -> None:
-    for words in (("deploy", "m.lvpr", "-o", "b"), ("fit", "m.lvpr")):
-        said = fails(*words, "--target", "loihi2", "--dense-rows", code=2)
-        assert "--dense-rows needs --target kapoho-bay: how Loihi 2 stores rows is not public" in said
-    assert "--dense-rows is for a MODEL" in fails("fit", "--target", "kapoho-bay", "--dense-rows", code=2)
-    assert not Path("b").exists()
-
-
 @pytest.mark.slow
 def test_fit_for_loihi_2_promises_nothing(here: Path) -> None:
     text = run("fit", "--target", "loihi2", "--weight-bits", 7, "--json", "f.json").stdout

@@ -50,6 +50,7 @@ DATA: list[tuple[dict[str, bytes | str | None], str, str]] = [
         TRAIN.format("one"),
         "one: a route needs at least 2 places, but there is 1 image; give a folder",
     ),
+    ({}, TRAIN.format("ref") + " --parts 3,4", "parts of 3, 4 places are 7 of a route of 6; give parts of at least 1"),
     ({}, TRAIN.format("ref") + " --places 2:3", "ref: a route needs at least 2 places, but there is 1 image"),
     (SHORTER, TRAIN.format("ref ref2"), "ref2: reference traverse 2 has 5 images, the first has 6"),
     ({}, "train ref -o no/such/n.lvpr", "no/such/n.lvpr: the folder no/such does not exist; create it first"),
@@ -248,6 +249,20 @@ USAGE = [
     ("deploy m.lvpr --target loihi2 -o c --calibrate query --max-loss 2", "2.0 is not in the range 0<=x<=1"),
     ("deploy m.lvpr --target loihi2 -o c --prune nan", "--prune is not a number"),
     ("deploy m.lvpr --target loihi2 -o c --calibrate query --max-loss nan", "--max-loss is not a number"),
+    ("deploy m.lvpr --target loihi2 -o c --dense-rows", "--dense-rows needs --target kapoho-bay: how Loihi 2 stores"),
+    ("fit m.lvpr --target loihi2 --dense-rows", "--dense-rows needs --target kapoho-bay: how Loihi 2 stores"),
+    ("fit --target kapoho-bay --dense-rows", "--dense-rows is for a MODEL"),
+    ("query m.lvpr query --bag out", "--bag has the covariance of what is believed; give --motion any or forward"),
+    ("export m.lvpr -o n.nir --time-step 0", "Invalid value for '--time-step'"),
+    ("watch m.lvpr query --page x", "'x' is no port (0 to 65535); put --page behind MODEL and SOURCE"),
+    ("watch m.lvpr query --page 65536", "'65536' is no port"),
+    ("remove m.lvpr a", "'a' is neither an index nor a range A:B"),
+    ("remove m.lvpr 3:2", "'3:2' holds no place"),
+    ("remove m.lvpr 1,", "'' is neither an index nor a range A:B"),
+    ("merge m.lvpr -o x.lvpr", "there is nothing to merge"),
+    ("merge m.lvpr m.lvpr", "Missing option '-o'"),
+    ("train ref -o n.lvpr --parts 3,x", "'3,x' are no numbers of at least 1"),
+    ("train ref -o n.lvpr --parts 0,6", "'0,6' are no numbers of at least 1"),
 ]
 
 

@@ -78,6 +78,7 @@ INPUT = "is also an input, which would be replaced; name another file"
 TWICE = "is named for two outputs; name another for one of them"
 IMAGE = "would be one more image in query, which is read; name it otherwise"
 CLOSED = "cannot be written (the file there is read-only); make it writable or name another"
+PIPE = "cannot be written (is a folder, device or pipe, not a file)"
 PROTECTED = "is read-only and would be replaced; make it writable"
 LOCKED = f"n.lvpr: cannot be locked ({LOCK} beside it: "
 NEW = f"{TRAIN} -o n.lvpr"
@@ -137,7 +138,9 @@ REFUSED: list[tuple[Callable[[], object] | None, str, str]] = [
     (read_only, f"{TRAIN} -o o.lvpr --resume", f"o.lvpr.checkpoint: {CLOSED}"),
     (in_the_way, "eval m.lvpr query --report file/deep/er", "file: is a file; name a folder"),
     (in_the_way, "demo --out d", "d/report/report.html: is a folder; name a file"),
-    (in_the_way, "query m.lvpr query -o pipe", "pipe: cannot be written (is a folder, device or pipe, not a file)"),
+    (in_the_way, "query m.lvpr query -o pipe", f"pipe: {PIPE}"),  # a rename would replace even a device
+    (in_the_way, "eval m.lvpr query --json pipe", f"pipe: {PIPE}"),
+    (in_the_way, f"{TRAIN} -o pipe", f"pipe: {PIPE}"),
     (partial(os.chmod, "b", 0o555), TO_LOIHI, f"b: {PROTECTED} or name another folder"),
     (
         partial(os.chmod, "b/mapping.json", 0o444),

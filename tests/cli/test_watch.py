@@ -227,19 +227,6 @@ def test_a_page_shows_what_is_watched_until_somebody_stops_it(here: Path) -> Non
         assert child.wait(30) == 1
 
 
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
-        (("--page", "x"), "'x' is no port (0 to 65535); put --page behind MODEL and SOURCE"),
-        (("--page", "65536"), "'65536' is no port"),
-    ],
-)
-def test_ports_that_are_none(words: tuple[str, ...], line: str, here: Path) -> None:
-    _, result = watched("query", *words)
-    assert result.exit_code == 2
-    assert line in result.stderr
-
-
 def test_so_many_answers_end_it_with_a_page_too(here: Path) -> None:
     said, result = watched("query", "--stop-after", 2, "--page", 0)
     assert result.exit_code == 0

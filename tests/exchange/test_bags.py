@@ -159,12 +159,6 @@ def test_what_cannot_be_a_bag_is_one_line(drive: None, words: tuple[str, ...], m
     assert content(Path()) == before
 
 
-def test_what_is_believed_must_be_known(drive: None) -> None:
-    assert "--bag has the covariance of what is believed; give --motion any" in fails(
-        "query", "xy.lvpr", "query", "--bag", "out", code=2
-    )
-
-
 def test_a_bag_needs_times(drive: None) -> None:
     for k, path in enumerate(sorted(Path("query").iterdir())):
         os.symlink(path.resolve(), f"{k}.png")

@@ -153,29 +153,6 @@ def test_what_cannot_be_is_refused(words: tuple[str, ...], text: str, here: Path
     assert sorted(os.listdir(".")) == before
 
 
-@pytest.mark.parametrize(
-    ("words", "text"),
-    [
-        (("remove", "m.lvpr", "a"), "'a' is neither an index nor a range A:B"),
-        (("remove", "m.lvpr", "3:2"), "'3:2' holds no place"),
-        (("remove", "m.lvpr", "1,"), "'' is neither an index nor a range A:B"),
-        (("merge", "m.lvpr", "-o", "x.lvpr"), "there is nothing to merge"),
-        (("merge", "m.lvpr", "m.lvpr"), "Missing option '-o'"),
-        (("train", "reference", "-o", "x.lvpr", "--parts", "3,x"), "'3,x' are no numbers of at least 1"),
-        (("train", "reference", "-o", "x.lvpr", "--parts", "0,8"), "'0,8' are no numbers of at least 1"),
-    ],
-)
-def test_wrong_usage(words: tuple[str, ...], text: str, here: Path) -> None:
-    assert text in " ".join(fails(*words, code=2).split())
-
-
-def test_parts_must_be_the_route(here: Path) -> None:
-    line = fails("train", "reference", "-o", "x.lvpr", "--parts", "3,4")
-    assert (
-        line == "parts of 3, 4 places are 7 of a route of 8; give parts of at least 1 place that are as many together"
-    )
-
-
 def test_two_at_once_and_read_only(here: Path) -> None:
     """Nobody writes what another holds, and who took the permission away meant it."""
     shutil.copy("m.lvpr", "own.lvpr")
@@ -250,7 +227,6 @@ def test_what_cannot_be_is_refused_before_any_work(here: Path) -> None:
     )
     assert fails("import", "none.nir", "-o", "n.lvpr").startswith("none.nir: the NIR graph cannot be read (No such")
     assert "is also an input" in fails("export", "m.lvpr", "-o", "m.lvpr", "--format", "nir")
-    assert "Invalid value for '--time-step'" in fails("export", "m.lvpr", "-o", "n.nir", "--time-step", 0, code=2)
     save(paper_model(4), here / "p.lvpr")
     assert fails("export", "p.lvpr", "-o", "p.nir").startswith("p.lvpr: format nir needs an integer network, but")
     assert not (here / "p.nir").exists()
