@@ -137,14 +137,17 @@ def imported() -> Any:
 def _cache_class() -> Any:
     """numba's cache of a kernel, but one that forgets what it cannot read and goes on where it cannot write."""
     from numba.core.caching import FunctionCache
+    from numba.core.runtime import rtsys
 
     class KernelCache(FunctionCache):
         """The cache of one kernel."""
 
-        def load_overload(self, *what: Any) -> Any:
+        def load_overload(self, sig: Any, target_context: Any) -> Any:
+            """See there, whose refreshing of the context takes .3 s of imports that only compiling needs."""
             found = None
             try:
-                found = super().load_overload(*what)
+                rtsys.initialize(target_context)
+                found = self._load_overload(sig, target_context)
             except Exception:  # a damaged pickle may raise anything
                 with contextlib.suppress(OSError), held():
                     self.flush()

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from numba.core import caching, config
+from numba.core.cpu import CPUContext
 
 from lava_vpr import kernelcache
 
@@ -114,3 +115,13 @@ def test_kept_kernels_that_are_damaged_are_compiled_anew(kernel: Callable[..., A
     again = kernelcache.compiled()(kernel.py_func)
     assert again(1, 2) == 3
     assert again.stats.cache_hits == {}
+
+
+def test_a_kept_kernel_needs_nothing_that_only_compiling_needs(
+    kernel: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert kernel(1, 2) == 3
+    monkeypatch.setattr(CPUContext, "load_additional_registries", lambda context: pytest.fail("imports a lot"))
+    again = kernelcache.compiled()(kernel.py_func)
+    assert again(1, 2) == 3
+    assert len(again.stats.cache_hits) == 1
