@@ -190,7 +190,7 @@ def read_image(path: Path) -> NDArray[np.uint8]:
         InputError: the file cannot be read, is no image, is damaged, or holds samples that are neither 8 nor 16 bits.
     """
     try:
-        _alone_if(path.is_file() and path.stat().st_size > SIDE_BYTES)
+        _alone_if(os.path.isfile(path) and os.path.getsize(path) > SIDE_BYTES)
         data = read_bytes(path, "image_bytes")
     except OSError as error:
         raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check path and permissions") from None

@@ -169,8 +169,8 @@ def test_the_node_tells_slam(
         monkeypatch.setitem(sys.modules, "rtabmap_msgs.msg", None)
     model = replace(load("m.lvpr"), positions=np.array([(float(k), 0.0) for k in range(8)]), frame="xy")
     save(model, Path("xy.lvpr"))
-    monkeypatch.setattr(Node, "given", {"model": "xy.lvpr", "target_precision": 0.5}, raising=False)
-    node, robot = node_module.LocalizerNode(), Localizer("xy.lvpr")
+    monkeypatch.setattr(Node, "given", {"model": "xy.lvpr", "target_precision": 0.01}, raising=False)
+    node, robot = node_module.LocalizerNode(), Localizer("xy.lvpr", target_precision=0.01)
     assert set(node.others) == ({"initialpose", "rtabmap/info", "rtabmap/link"} if rtabmap else {"initialpose"})
     for number, path in enumerate(images("query")):
         node.answer(message(read_image(path)[:, :, ::-1], "rgb8"))
