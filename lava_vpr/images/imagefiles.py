@@ -130,6 +130,7 @@ MIN_SIDE = 2  # an edge needs two pixels
 
 # Whatever the colour and depth of the file, less transparency; turning is ours, so that it is the same for all formats.
 _AS_STORED = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+_TOO_LARGE = re.compile("CV_IO_MAX_IMAGE_[A-Z]+")
 _CODEC_DAMAGE = re.compile(rb"premature end|bad Huffman", re.IGNORECASE)
 
 
@@ -225,11 +226,19 @@ def _note(header: Header, image: NDArray[Any], where: str) -> None:
 
 
 def _decoded(data: bytes) -> tuple[NDArray[Any] | None, list[bytes]]:
-    """The picture in a file's bytes as OpenCV has it, None if it has none, and what the codecs printed."""
+    """The picture in a file's bytes as OpenCV has it, None if it has none, and what the codecs printed.
+
+    Raises:
+        InputError: it is larger than OpenCV's own limits.
+    """
     with quiet() as messages:
         try:
             image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _AS_STORED)
-        except cv2.error:
+        except cv2.error as error:
+            if beyond := _TOO_LARGE.search(str(error)):
+                raise InputError(
+                    f"is larger than OPEN{beyond[0]} lets OpenCV decode; raise or unset this variable"
+                ) from None
             image = None
     return image, messages
 

@@ -247,6 +247,8 @@ def test_what_a_small_file_claims_is_refused_before_it_is_paid(tmp_path: Path) -
     refused(
         lambda: read_image(written(tmp_path / "a.png", wide)), "a.png: has 30000 x 30000 = 900,000,000 pixels, more"
     )
+    wider = image_bytes(".bmp", np.ones((2, (1 << 20) + 1), np.uint8))
+    refused(lambda: decode_image(wider, "a"), "a: is larger than OPENCV_IO_MAX_IMAGE_WIDTH lets OpenCV decode; raise")
     samples = bytearray(image_bytes(".tif", smooth_picture(8).astype(np.float64)))
     refused(lambda: decode_image(bytes(samples), "a"), "holds float64 samples")
     scans = _WHOLE["progressive.jpg"]
