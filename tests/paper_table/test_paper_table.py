@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import random
 import re
 from collections.abc import Iterator
 from functools import partial
@@ -16,14 +17,15 @@ from click.testing import CliRunner
 from support.common.benchmarkfolders import draw, layout_of, short_sections
 from support.common.commands import fails, run
 from support.common.daskcluster import DaskCluster
+from support.fuzz.damage import changed
 
 from lava_vpr.cli import main
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.experiments import cache
 from lava_vpr.paper_table import run as computing
-from lava_vpr.paper_table.methods import COLUMNS, METHODS, NETWORKS, PRINTED, printed
+from lava_vpr.paper_table.methods import COLUMNS, METHODS, NETWORKS, PRINTED, of_network, printed
 from lava_vpr.paper_table.run import counted
-from lava_vpr.paper_table.sections import FIGURES, kept_in, measure, official, read, tasks
+from lava_vpr.paper_table.sections import FIGURES, SectionTask, kept_in, measure, official, read, tasks
 
 QUICK = ("--only", "fast", "--epochs", "4", "--jobs", "1")
 PLAIN = "nordland=spring,summer"
@@ -233,6 +235,20 @@ def test_what_is_kept_is_taken_for_the_same_images_settings_and_program_alone(
     for figures in made_up:  # with the right checksum
         kept.keep(first, keys[0], figures)
         assert kept.find(first, keys[0]) is None, figures
+
+
+def test_damaged_figures_are_never_taken_for_others(tmp_path: Path) -> None:
+    """Damaged as disks and copies damage files: as they were kept, or none."""
+    task, kept, rng = SectionTask("spedtest", 1, "fast", 0, ()), kept_in(tmp_path), random.Random(0)
+    figures = {method.name: dict.fromkeys(FIGURES, 0.25) for method in of_network("fast")}
+    kept.keep(task, "key", figures)
+    whole, found = kept.file(task).read_bytes(), []
+    for _ in range(400):
+        kind, data = changed(rng, "kept.json", whole)
+        kept.file(task).write_bytes(data)
+        found.append(kept.find(task, "key"))
+        assert found[-1] in (None, figures), (kind, data)
+    assert 0 < found.count(None) < 400
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 What is taken must be equal to the whole file, or content that its format cannot tell from the whole: not so where it
 carries a checksum, a length or a count. Rows and events that are 0 at the end must be told.
 
-Used by storage and support.
+Used by paper_table, storage and support.
 """
 
 from __future__ import annotations
