@@ -31,9 +31,10 @@ _TYPES = {1: "B", 3: "H", 4: "I", 13: "I", 16: "Q", 18: "Q"}  # of whole numbers
 _ENDED, _ZEROS = (5, 7, 8, 32946), 8
 _LZW, _COUNTED = 5, (5, 8, 32946)  # those whose unpacked bytes are counted
 _SGI_LOG = (34676, 34677)  # compressions that code floats as integers
+_NEXT = -1  # no tag: where another directory is, after the entries of the first; 0: nowhere
 _FORMATS = {1: "uint", 2: "int", 3: "float"}
 _ASKED = {_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _SAMPLES, _FORMAT, _STRIPS, _STRIP_BYTES}
-_ASKED |= {_TILE_WIDTH, _TILE_HEIGHT, _TILES, _TILE_BYTES, _COLOURS, _FILL_ORDER, _ROWS, _PLANES}
+_ASKED |= {_TILE_WIDTH, _TILE_HEIGHT, _TILES, _TILE_BYTES, _COLOURS, _FILL_ORDER, _ROWS, _PLANES, _NEXT}
 
 
 def _entries(
@@ -58,6 +59,8 @@ def _entries(
             if struct.calcsize(layout) > field:
                 (start,) = file.numbers(order + ("Q" if big else "I"), start)
             yield tag, file.numbers(layout, start)
+    if _NEXT in asked:
+        yield _NEXT, file.numbers(order + ("Q" if big else "I"), position + count * size)
 
 
 _NEEDED = {b"VP8 ": 6, b"VP8L": 4}
@@ -229,7 +232,7 @@ def _walk_tiff(data: bytes, file: Window) -> Header:
     if tile_width * tile_height > width * height:
         width, height = tile_width, tile_height
     zeros //= max(1, width * bits * samples // 8)
-    return Header(width, height, data, pictures=_has_next(file), zeros=zeros)  # its decoder turns the picture
+    return Header(width, height, data, pictures=bool(_first(tags, _NEXT)), zeros=zeros)  # its decoder turns the picture
 
 
 def _check_strips(data: bytes, tags: dict[int, tuple[int, ...]]) -> None:
@@ -253,16 +256,6 @@ def _check_strips(data: bytes, tags: dict[int, tuple[int, ...]]) -> None:
             raise DamagedError(f"a strip of {many} rows of {row:,} bytes unpacks to {found:,}")
     if len(firsts) != len(strips):
         raise DamagedError(f"it has {len(strips):,} strips of its {len(firsts):,}")
-
-
-def _has_next(file: Window) -> bool:
-    """Whether a TIFF has a directory after its first."""
-    order, big = "<" if file.at(0, 2) == b"II" else ">", file.at(2, 2) in (b"+\0", b"\0+")
-    count, offset, size, start = ("Q", "Q", 20, 8) if big else ("H", "I", 12, 4)
-    (first,) = file.numbers(order + offset, start)
-    (entries,) = file.numbers(order + count, first)
-    (following,) = file.numbers(order + offset, first + struct.calcsize(order + count) + entries * size)
-    return bool(following)
 
 
 def _first(tags: dict[int, tuple[int, ...]], tag: int, otherwise: int = 0) -> int:
