@@ -83,14 +83,16 @@ def repeats(queries: Sized) -> int:
 
 
 @compiled(nogil=True)
-def _sad(references: NDArray[np.uint8], queries: NDArray[np.uint8], out: NDArray[np.int32]) -> None:
-    """Sums of absolute differences: ``out`` (queries, references) of uint8 rows."""
+def _sad(references: NDArray[np.uint8], queries: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Sums of absolute differences, below 0, so that the nearest has the most: (queries, references) of uint8 rows."""
+    out = np.empty((queries.shape[0], references.shape[0]), np.int32)
     for q in range(queries.shape[0]):
         for r in range(references.shape[0]):
             total = np.int32(0)
             for i in range(queries.shape[1]):
-                total = np.int32(total + abs(np.int32(queries[q, i]) - np.int32(references[r, i])))
+                total = np.int32(total - abs(np.int32(queries[q, i]) - np.int32(references[r, i])))
             out[q, r] = total
+    return out
 
 
 @contextlib.contextmanager
@@ -113,35 +115,25 @@ def _grouped(labels: NDArray[np.int64], places: int) -> tuple[NDArray[np.int64],
     return order, np.searchsorted(labels[order], np.arange(places))
 
 
-def _nearest_by_sad(model: Model, references: NDArray[Any], queries: NDArray[Any]) -> tuple[PartAnswer, int]:
-    """Nearest place of ``queries`` by SAD to the model's ``references``, both uint8 (images, h, w), and bytes kept."""
-    order, starts = _grouped(model.labels, model.places)
-    kept = np.ascontiguousarray(references.reshape(len(references), -1)[order])
-    flat = np.ascontiguousarray(queries.reshape(len(queries), -1))
-
-    def answer(part: slice) -> Places:
-        distances = np.empty((len(flat[part]), len(kept)), np.int32)
-        _sad(kept, flat[part], distances)
-        near = distances if starts is None else np.minimum.reduceat(distances, starts, axis=1)
-        return np.asarray(near.argmin(axis=1))
-
-    return answer, kept.nbytes
-
-
 def _unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
     """Rows of length 1, or of zeros."""
     lengths = np.sqrt(np.einsum("ij,ij->i", rows, rows))[:, None]
     return np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0)
 
 
-def _nearest_by_cosine(model: Model, references: NDArray[Any], queries: NDArray[Any]) -> tuple[PartAnswer, int]:
-    """Nearest place of ``queries`` by cosine to the model's ``references``, both (images, n), and bytes kept."""
+def _nearest(model: Model, references: NDArray[Any], queries: NDArray[Any], by_sad: bool) -> tuple[PartAnswer, int]:
+    """Nearest place of ``queries`` to the model's ``references``, and bytes kept.
+
+    By SAD, both uint8 (images, h, w), or by cosine, both (images, n).
+    """
     order, starts = _grouped(model.labels, model.places)
-    kept = _unit(references[order].astype(np.float32))
-    asked = queries.astype(np.float32)
+    if by_sad:
+        kept, asked = (np.ascontiguousarray(seen.reshape(len(seen), -1)) for seen in (references[order], queries))
+    else:  # a query's own length does not move its maximum
+        kept, asked = _unit(references[order].astype(np.float32)), queries.astype(np.float32)
 
     def answer(part: slice) -> Places:
-        values = asked[part] @ kept.T  # a query's own length does not move its maximum
+        values = _sad(kept, asked[part]) if by_sad else asked[part] @ kept.T
         near = values if starts is None else np.maximum.reduceat(values, starts, axis=1)
         return np.asarray(near.argmax(axis=1))
 
@@ -169,8 +161,7 @@ def answer_of(queries: QuerySet, name: str, times: int = 1) -> tuple[PartAnswer,
         return lambda part: of_rates(shown[part]), _kept(network)
     chosen(model, (name,))
     seen, references = Rivals(model, queries.images, queries.shown, (name,)).seen(name)
-    nearest = _nearest_by_sad if name == "sad" else _nearest_by_cosine
-    return nearest(model, references, np.concatenate([seen] * times))
+    return _nearest(model, references, np.concatenate([seen] * times), name == "sad")
 
 
 def alone(queries: QuerySet, name: str) -> float:
