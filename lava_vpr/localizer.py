@@ -19,6 +19,7 @@ from lava_vpr.matches import Match, matches_of
 from lava_vpr.matching.answers import Answerer, Together, accepted, least_probability
 from lava_vpr.matching.beliefs import Belief
 from lava_vpr.matching.forward_filter import NONE
+from lava_vpr.matching.probability import HALF
 from lava_vpr.model import Model, prepare
 from lava_vpr.positions.frames import Positions
 from lava_vpr.settings.arguments import check_arguments
@@ -57,6 +58,7 @@ class Localizer:
         query_views: Sideways views in which each image is presented, an odd number. With more than one, and motion
             ``none``, probabilities are not known and no match is accepted.
         target_precision: Share of the accepted matches that shall be right; None: 0.95.
+        off_map: Share of the images that is taken to be off the map, at least 0 and below 1.
         seed: Seed of the images' spikes; None: the model's.
     Raises:
         LavaVprError: the model cannot be used, or not like this.
@@ -70,20 +72,22 @@ class Localizer:
         query_views: int = 1,
         *,
         target_precision: float | None = None,
+        off_map: float = HALF,
         seed: int | None = None,
     ) -> None:
         check_arguments(
-            "motion query_views",
+            "motion query_views off_map",
             motion=motion,
             adapt=adapt,
             query_views=query_views,
             target_precision=target_precision,
+            off_map=off_map,
             seed=seed,
         )
         if not isinstance(model, Model):
             check_arguments("model", model=model)
         self._asking, self._seed = Asking(query_views, adapt), seed
-        self._motion, self._precision = motion, target_precision
+        self._motion, self._precision, self._off_map = motion, target_precision, off_map
         self._backend = HostBackend()
         self._use(model if isinstance(model, Model) else load(model))
         self.reset()
@@ -189,7 +193,9 @@ class Localizer:
         self._asking.check(model)
         known = None if self._asking.views > 1 else calibration_of(model)
         self._model = model if known is None else dataclasses.replace(model, calibration=known.samples)
-        self._together = Together(motion=self._motion, calibration=known, along=_along(model.whereabouts))
+        self._together = Together(
+            motion=self._motion, calibration=known, off_map=self._off_map, along=_along(model.whereabouts)
+        )
         self._least = least_probability(self._together, self._precision)
         self._views, self._scores_of = self._asking.of(model), prepare(model)
 

@@ -25,7 +25,7 @@ from lava_vpr.matching.answers import ALONE, Answerer, Answers, Followed, Held, 
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.forward_filter import NONE
-from lava_vpr.matching.probability import Calibration
+from lava_vpr.matching.probability import HALF, Calibration
 from lava_vpr.matching.trust import Trust, trust
 from lava_vpr.model import Model, decode, integer_model, prepare
 from lava_vpr.storage.arrays import narrow
@@ -199,6 +199,7 @@ class Comparison:
         motion: How the robot may have moved (`lava_vpr.matching.forward_filter.MOTIONS`), for figures of a filter
             beside; ``none``: there are none. Not with sequences.
         calibration: Of the model's decoder; None: probabilities of single queries are not known.
+        off_map: The share of the queries that is taken to be off the map, at least 0 and below 1.
     """
 
     sequence: int = 1
@@ -208,6 +209,7 @@ class Comparison:
     asking: Asking = PLAINLY
     motion: str = NONE
     calibration: Calibration | None = None
+    off_map: float = HALF
 
 
 SINGLE, FILTERED, SMOOTHED = "single", "filtered", "forward_backward"
@@ -262,7 +264,7 @@ def recognise(
     del shown_counts
     default = model.config.decoder.default
     rivals = Rivals(model, queries, shown, names, comparison.asking, pool)
-    sequence, pace = comparison.sequence, sequences.Pace()
+    sequence, pace, off_map = comparison.sequence, sequences.Pace(), comparison.off_map
     held: dict[str, Held] = {}
     followed: Followed | None = None
     for name, matcher, scores in _every_matcher(model, counts, rivals, others):
@@ -271,10 +273,12 @@ def recognise(
         keep = comparison.keep_scores and (answers_here or name not in DECODERS)
         seen = pace if answers_here else None
         with nullcontext() if answers_here else DECODERS.spared(name):
-            held[name] = hold(matcher, scores, truth, Together(sequence, NONE, calibration), pace=seen, keep=keep)
+            together = Together(sequence, NONE, calibration, off_map)
+            held[name] = hold(matcher, scores, truth, together, pace=seen, keep=keep)
         if answers_here and comparison.motion != NONE and sequence == 1:
             moving = Motion().moving(shown.rates[: len(queries)])
-            followed = follow(matcher, scores, truth, Together(1, comparison.motion, calibration), moving)
+            by = Together(1, comparison.motion, calibration, off_map)
+            followed = follow(matcher, scores, truth, by, moving)
     adapted = {
         name: hold(matcher, scores, truth, Together(sequence))
         for name, matcher, scores in _adapted_matchers(rivals, backend, advance)
@@ -306,9 +310,10 @@ def _trusts(
     """How far probabilities can be trusted, as far as there are any."""
     found = {}
     if comparison.sequence == 1:
-        found[SINGLE] = trust(single, truth, Together(calibration=comparison.calibration))
+        found[SINGLE] = trust(single, truth, Together(calibration=comparison.calibration, off_map=comparison.off_map))
     if by_filter is not None:
-        found[FILTERED] = trust(by_filter, truth, Together(1, comparison.motion, comparison.calibration))
+        by = Together(1, comparison.motion, comparison.calibration, comparison.off_map)
+        found[FILTERED] = trust(by_filter, truth, by)
     return {name: value for name, value in found.items() if value is not None}
 
 

@@ -25,7 +25,7 @@ from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.views import STRAIGHT, View
 from lava_vpr.kernelcache import COMPILING, COMPILING_TEXT
 from lava_vpr.matching.forward_filter import MOTIONS, NONE
-from lava_vpr.matching.probability import PRECISION
+from lava_vpr.matching.probability import HALF, PRECISION
 from lava_vpr.model import Model
 from lava_vpr.rows.registry import Registry
 from lava_vpr.settings.ranges import declared
@@ -163,8 +163,15 @@ precision_option = click.option(
     type=Number(min=0.01, max=0.9999),
     default=None,
     metavar="P",
-    help="Accept matches so probable that this share of the accepted is right, if half of the images are off the map "
-    f"(default: {PRECISION}).",
+    help=f"Accept matches so probable that this share of the accepted is right (default: {PRECISION}).",
+)
+off_map_option = click.option(
+    "--off-map",
+    type=Number(min=0, max=1, max_open=True),
+    default=HALF,
+    show_default=True,
+    metavar="P",
+    help="The share of the images that is taken to be off the map, at no place that MODEL knows.",
 )
 
 

@@ -12,7 +12,7 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import calibration_of
 from lava_vpr.backends.rivals import BASELINES, chosen as rivals_of, kept_for, missing
 from lava_vpr.cli.choose import TruthOptions, truth_options
-from lava_vpr.cli.common import PATH, backend_progress, encode_queries, motion_option, noun, stderr
+from lava_vpr.cli.common import PATH, backend_progress, encode_queries, motion_option, noun, off_map_option, stderr
 from lava_vpr.cli.nouns import (
     OneSource,
     Queries,
@@ -58,6 +58,7 @@ from lava_vpr.truth.alignment import PositionErrors
 @asking_options
 @answer_options
 @motion_option("any")
+@off_map_option
 @cluster_option
 @results_options("report.html")
 @click.pass_context

@@ -25,6 +25,7 @@ from lava_vpr.cli.common import (
     counted,
     motion_option,
     noun,
+    off_map_option,
     precision_option,
     progress_bar,
     stage,
@@ -110,7 +111,7 @@ class Accepting:
     """Which matches are accepted.
 
     Attributes:
-        precision: What share of them is right, if half of the images are off the map; None: `PRECISION`.
+        precision: What share of them is right; None: `PRECISION`.
         confidence: The least confidence of the decoder; None: ``precision`` decides.
     """
 
@@ -191,6 +192,7 @@ class Accepting:
         help="Accept by the decoder's confidence instead: matches of at least this.",
     ),
 )
+@off_map_option
 @query_positions_options
 def query(
     model_path: Path,
@@ -203,6 +205,7 @@ def query(
     motion: str,
     sequence: int,
     accepting: Accepting,
+    off_map: float,
     seed: int | None,
     where: WhereOptions,
 ) -> None:
@@ -222,7 +225,8 @@ def query(
             f"{shown(images)}: has {len(traverse)} images, fewer than --sequence {sequence}; use a shorter sequence"
         )
     table = MatchTable.of(model, traverse, writing.top, chances=motion != NONE)
-    together = Together(sequence, motion, None if asking.views > 1 else calibration_of(model, Pool(cores())))
+    known = None if asking.views > 1 else calibration_of(model, Pool(cores()))
+    together = Together(sequence, motion, known, off_map)
     pace = Pace() if sequence > 1 else None
     answer = partial(answer_stream, model, traverse, backend=backend, together=together, asking=asking, seed=seed)
     with query_progress(traverse.source, backend, len(traverse), silent=writing.silent) as (read, advance):

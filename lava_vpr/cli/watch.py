@@ -12,7 +12,16 @@ from typing import NoReturn
 import click
 
 from lava_vpr.backends.asking import Asking
-from lava_vpr.cli.common import PATH, Parsed, counted, motion_option, precision_option, seed_type, stderr
+from lava_vpr.cli.common import (
+    PATH,
+    Parsed,
+    counted,
+    motion_option,
+    off_map_option,
+    precision_option,
+    seed_type,
+    stderr,
+)
 from lava_vpr.cli.nouns import OneSource, asking_options, every_option
 from lava_vpr.cli.outputs import write_stdout
 from lava_vpr.errors import InputError, brief
@@ -35,6 +44,7 @@ def port_number(text: str) -> int:
 @motion_option("any")
 @asking_options
 @precision_option
+@off_map_option
 @every_option
 @click.option(
     "--existing/--no-existing",
@@ -61,6 +71,7 @@ def watch(
     motion: str,
     asking: Asking,
     target_precision: float | None,
+    off_map: float,
     every: float,
     existing: bool,
     topic: str | None,
@@ -78,7 +89,9 @@ def watch(
     given up. What cannot be read is told on stderr, with a count, and left out. Ctrl-C ends it; so does the end of
     SOURCE, unless there is a page to be looked at.
     """
-    localizer = Localizer(model_path, motion, asking.adapt, asking.views, target_precision=target_precision, seed=seed)
+    localizer = Localizer(
+        model_path, motion, asking.adapt, asking.views, target_precision=target_precision, off_map=off_map, seed=seed
+    )
     events = localizer.model.config.events
     found = open_source(source, every=every, topic=topic, events=events, live=True, existing=existing)
     recent = Recent(localizer.model)

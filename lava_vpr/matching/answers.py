@@ -3,8 +3,7 @@
 `Answerer.step` is the one way from scores of places to answers: each query by itself, in sequences, or followed by a
 forward filter. State goes in and out, so that a robot's next image, a stream and a whole evaluation share it.
 
-`hold` and `follow` hold answers against the truth, some queries at a time: of a long map, all scores together would not
-fit a memory.
+`hold` and `follow` hold answers against the truth, some queries at a time: all of a long map fit no memory.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from lava_vpr.matching.decoders import best, confidence
 from lava_vpr.matching.equations import Scores
 from lava_vpr.matching.evaluation import Metrics, Tally, Truth
 from lava_vpr.matching.forward_filter import NONE, ForwardFilter, check_motion
-from lava_vpr.matching.probability import PRECISION, Calibration, check_precision
+from lava_vpr.matching.probability import HALF, PRECISION, Calibration, check_off_map, check_precision
 from lava_vpr.matching.sequences import SequenceMatcher
 from lava_vpr.matching.smoothing import smooth
 
@@ -103,16 +102,16 @@ class Answers(NamedTuple):
         return Candidates(places, values, chances)
 
 
-def answers_of(matcher: str, scores: Scores, calibration: Calibration | None = None) -> Answers:
+def answers_of(matcher: str, scores: Scores, calibration: Calibration | None = None, off_map: float = HALF) -> Answers:
     """The best place of each query by itself.
 
     Args:
         matcher: Name of the decoder or other matcher whose scores these are.
         scores: Scores (n_queries, n_places), higher is better.
         calibration: Of that decoder; None: probabilities are not known.
+        off_map: The share of the queries that is taken to be off the map.
     """
-    unknown = np.full(len(scores), np.nan)
-    probability = unknown if calibration is None else calibration.probabilities(scores)
+    probability = np.full(len(scores), np.nan) if calibration is None else calibration.probabilities(scores, off_map)
     return Answers(best(scores), confidence(matcher, scores), probability, ranking=Ranking(scores, scores))
 
 
@@ -124,16 +123,19 @@ class Together:
         sequence: Queries whose scores are added up at the references' own speed; 1: none.
         motion: How the robot may move from one query to the next (`forward_filter.MOTIONS`); ``none``: unknown.
         calibration: Of the model's decoder; None: probabilities of single queries are not known.
+        off_map: The share of the queries that is taken to be off the map, at least 0 and below 1.
         along: Metres along the route of each place, float64 (places,), for odometry; None: unknown.
     """
 
     sequence: int = 1
     motion: str = NONE
     calibration: Calibration | None = None
+    off_map: float = HALF
     along: NDArray[np.float64] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         check_motion(self.motion)
+        check_off_map(self.off_map)
         if self.sequence > 1 and self.motion != NONE:
             raise ConfigError(
                 f"--sequence {self.sequence} and --motion {self.motion} both look back; give one of them "
@@ -191,10 +193,10 @@ class Answerer:
             InputError: the sequence has no length, or exceeds the places.
         """
         windows = SequenceMatcher(n_places, together.sequence)  # refuses what is no length, too
-        following = None
-        if together.motion != NONE:
-            following = ForwardFilter.start(n_places, together.motion, together.calibration, together.along)
-        return cls(matcher, together, windows if together.sequence > 1 else None, following)
+        if together.motion == NONE:
+            return cls(matcher, together, windows if together.sequence > 1 else None)
+        known = together.calibration, together.along, together.off_map
+        return cls(matcher, together, filter=ForwardFilter.start(n_places, together.motion, *known))
 
     def step(
         self,
@@ -219,7 +221,7 @@ class Answerer:
         if self.windows is not None:
             return self._in_windows(self.windows, scores)
         if self.filter is None:
-            return self, answers_of(self.matcher, scores, self.together.calibration)
+            return self, answers_of(self.matcher, scores, self.together.calibration, self.together.off_map)
         state, beliefs = filtered(self.filter, scores, moving, odometry, stamps)
         places, near = beliefs.best()
         certainty, ranking = confidence(self.matcher, scores), Ranking(beliefs.places, scores, probable=True)
@@ -257,7 +259,8 @@ def least_probability(together: Together, precision: float | None = None) -> flo
             raise ConfigError(f"a target precision of {precision:g} needs probabilities, but {together.unknown}")
         _NOTES.warning(f"no match is accepted: {together.unknown}")
         return float("nan")
-    known = math.inf if together.calibration is None else together.calibration.keeping(wanted).probability
+    by = together.calibration
+    known = math.inf if by is None else by.keeping(wanted, together.off_map).probability
     return known if together.motion == NONE else min(known, wanted)
 
 

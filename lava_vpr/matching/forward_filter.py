@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.matching.equations import Scores
-from lava_vpr.matching.probability import Calibration
+from lava_vpr.matching.probability import HALF, Calibration
 
 FLAT, PEAK, SHARE = 0.2, 30.0, 0.3
 FAINT, MOST, UNSEEN = 0.05, 10.0, 2.0
@@ -118,7 +118,7 @@ class ForwardFilter:
     motion: str = "any"
     calibration: Calibration | None = field(default=None, repr=False)
     along: NDArray[np.float64] | None = field(default=None, repr=False)
-    off_map: float = 0.5
+    off_map: float = HALF
     begun: bool = False
     stamp: float | None = None
     interval: float | None = None
@@ -130,13 +130,14 @@ class ForwardFilter:
         motion: str = "any",
         calibration: Calibration | None = None,
         along: NDArray[np.float64] | None = None,
+        off_map: float = HALF,
     ) -> ForwardFilter:
         """The state before the first query, of ``n_places``: not followed, anywhere."""
         if motion not in MOTIONS:
             raise ConfigError(f"there is no motion {motion!r}; choose from {', '.join(MOTIONS)}")
         length = n_places * POSITIONS
-        none, even = np.zeros((len(speeds_of(motion).shifts), length)), np.full(n_places, 0.5 / n_places)
-        return cls(none, none[0], 1.0, even, np.ones(n_places), 0.0, motion, calibration, along)
+        none, even = np.zeros((len(speeds_of(motion).shifts), length)), np.full(n_places, (1.0 - off_map) / n_places)
+        return cls(none, none[0], 1.0, even, np.ones(n_places), 0.0, motion, calibration, along, off_map)
 
     def update(
         self,
@@ -172,7 +173,7 @@ class ForwardFilter:
     def chances(self, scores: Scores) -> NDArray[np.float64]:
         """How likely the best place of each query is by itself, float64 (n,), of scores (n, places)."""
         if self.calibration is not None:
-            return self.calibration.probabilities(scores)
+            return self.calibration.probabilities(scores, self.off_map)
         likely = evidence(scores)
         return likely.max(axis=1) / (scores.shape[1] + likely.sum(axis=1))
 

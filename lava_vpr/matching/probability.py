@@ -3,7 +3,9 @@
 The margin is the best score less the second. How it is distributed is measured on the references, without any query
 (`lava_vpr.training.measuring`): of references that were altered, right and wrong; and of references whose places were
 left out of the map, which is what an image off the map looks like. A logistic curve through both, each with half of the
-weight, is the probability: **half of the queries are taken to be off the map**.
+weight, is the probability **if half of the queries are off the map** (`HALF`), and one through those on the map if none
+is. The two say how many times as likely a margin is on the map as off it, and so any other share P, the prior, enters
+by Bayes' rule.
 """
 
 from __future__ import annotations
@@ -24,7 +26,9 @@ RIGHT, WRONG, OFF_MAP = KINDS = (1.0, 0.0, -1.0)
 """What a sample of a calibration was: an altered reference matched by its place or by another, or one off the map."""
 PRECISION = 0.95
 """The share of accepted matches that shall be right, unless another is asked for."""
-_ROUNDS, _RIDGE = 50, 1e-3
+HALF = 0.5
+"""The share of the queries that is taken to be off the map, unless another is said."""
+_ROUNDS, _RIDGE, _LEAST = 50, 1e-3, 1e-12
 
 
 class Fit(NamedTuple):
@@ -32,6 +36,10 @@ class Fit(NamedTuple):
 
     offset: float
     slope: float
+
+    def at(self, margins: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Its values at ``margins``."""
+        return _logistic(self.offset + self.slope * margins)
 
 
 class Kept(NamedTuple):
@@ -60,23 +68,31 @@ class Calibration:
 
     samples: NDArray[np.float32] = field(repr=False)
 
-    @cached_property
-    def _weights(self) -> NDArray[np.float64]:
-        """The weight of each sample: those on the map have half of it together, those off it the other half."""
+    def _weights(self, off_map: float) -> NDArray[np.float64]:
+        """The weight of each sample: those off the map have ``off_map`` of it, those on it the rest."""
         off = self.samples[:, 1] == OFF_MAP
-        return np.where(off, 0.5 / max(1, int(off.sum())), 0.5 / max(1, int((~off).sum())))
+        return np.where(off, off_map / max(1, int(off.sum())), (1.0 - off_map) / max(1, int((~off).sum())))
 
     @cached_property
     def curve(self) -> Fit:
+        """The curve of being right where half of the queries are off the map."""
+        return self._fitted(HALF)
+
+    @cached_property
+    def on_map(self) -> Fit:
+        """The curve of being right where all queries are on the map."""
+        return self._fitted(0.0)
+
+    def _fitted(self, off_map: float) -> Fit:
         """The logistic curve that fits the samples best (Newton's method; a little ridge keeps the slope finite)."""
         margins, right = self.samples[:, 0].astype(np.float64), self.samples[:, 1] == RIGHT
         centre, spread = float(margins.mean()), float(margins.std()) or 1.0
         terms = np.stack([np.ones(len(margins)), (margins - centre) / spread])
-        ridge, at = np.diag([0.0, 2 * _RIDGE]), np.zeros(2)
+        ridge, at, weights = np.diag([0.0, 2 * _RIDGE]), np.zeros(2), self._weights(off_map)
         for _ in range(_ROUNDS):
             chance = _logistic(at @ terms)
-            slope = terms @ (self._weights * (chance - right)) + ridge @ at
-            bend = (terms * (self._weights * np.maximum(chance * (1 - chance), 1e-9))) @ terms.T + ridge
+            slope = terms @ (weights * (chance - right)) + ridge @ at
+            bend = (terms * (weights * np.maximum(chance * (1 - chance), 1e-9))) @ terms.T + ridge
             step = np.linalg.solve(bend, slope)
             step /= max(1.0, float(np.abs(step).max()))  # never further than one unit at a time
             at = at - step
@@ -85,36 +101,56 @@ class Calibration:
         slope_ = max(0.0, float(at[1]) / spread)  # a surer match is never less probable
         return Fit(float(at[0]) - slope_ * centre, slope_)
 
-    @cached_property
-    def _chances(self) -> NDArray[np.float64]:
-        """The probability of each sample."""
-        return _logistic(self.curve.offset + self.curve.slope * self.samples[:, 0].astype(np.float64))
+    def _ratios(self, margins: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """`ratios` of margins."""
+        half = np.maximum(self.curve.at(margins), _LEAST)
+        right = np.maximum(self.on_map.at(margins), half)
+        on_map = half / (right - half + _LEAST)  # half = right P(on the map | margin)
+        return right * on_map, (1.0 - right) * on_map
 
-    def probabilities(self, scores: Scores) -> NDArray[np.float64]:
-        """How likely the best place of each query is the right one, float64 (n,); 0 where none matches.
+    def ratios(self, scores: Scores) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """How many times as likely as off the map a query on it has its margin, with the right place as its best, and
+        with a wrong one, float64 (n,) each; 1 and 0 where none matches, which tells nothing.
 
         Args:
             scores: Scores of single queries (n, places) by the decoder that was calibrated.
         """
-        chance = _logistic(self.curve.offset + self.curve.slope * margin(scores))
-        return np.where(scores.any(axis=1), chance, 0.0)
+        known, (right, wrong) = scores.any(axis=1), self._ratios(margin(scores))
+        return np.where(known, right, 1.0), np.where(known, wrong, 0.0)
 
-    def keeping(self, precision: float) -> Kept:
+    def probabilities(self, scores: Scores, off_map: float = HALF) -> NDArray[np.float64]:
+        """How likely the best place of each query is the right one, float64 (n,); 0 where none matches.
+
+        Args:
+            scores: Scores of single queries (n, places) by the decoder that was calibrated.
+            off_map: The share of the queries that is taken to be off the map, at least 0 and below 1.
+        """
+        return np.where(scores.any(axis=1), self._chances(margin(scores), off_map), 0.0)
+
+    def _chances(self, margins: NDArray[np.float64], off_map: float) -> NDArray[np.float64]:
+        """The probabilities of margins."""
+        right, wrong = self._ratios(margins)
+        chance: NDArray[np.float64] = right / (right + wrong + off_map / (1.0 - off_map))
+        return np.round(chance, 9)
+
+    def keeping(self, precision: float, off_map: float = HALF) -> Kept:
         """The least probability with which, by the curve, so many of the accepted samples are right.
 
         The samples themselves are not counted: one pair of places that look the same would decide about 0.99.
 
         Args:
             precision: Share of the accepted that shall be right, above 0 and below 1.
+            off_map: As in `probabilities`.
         Returns:
             A threshold above 1, which keeps nothing, where no threshold is as precise.
         Raises:
             ConfigError: the precision is out of its range.
         """
         check_precision(precision)
-        chance, off = self._chances, self.samples[:, 1] == OFF_MAP
+        chance, off = self._chances(self.samples[:, 0].astype(np.float64), off_map), self.samples[:, 1] == OFF_MAP
+        weights = self._weights(off_map)
         order = np.argsort(-chance, kind="stable")
-        accepted, hits = np.cumsum(self._weights[order]), np.cumsum((self._weights * chance)[order])
+        accepted, hits = np.cumsum(weights[order]), np.cumsum((weights * chance)[order])
         last = np.append(np.diff(chance[order]) != 0, True)  # equal ones are accepted together
         good = np.flatnonzero(last & (hits >= precision * accepted))
         if len(good) == 0:
@@ -132,6 +168,16 @@ def check_precision(precision: float) -> None:
     """
     if not 0 < precision < 1:
         raise ConfigError(f"a precision of {precision:g} cannot be aimed at; give one above 0 and below 1")
+
+
+def check_off_map(share: float) -> None:
+    """Refuse what can be no share of the queries that are off the map: below 0, or all of them.
+
+    Raises:
+        ConfigError: it is one.
+    """
+    if not 0 <= share < 1:
+        raise ConfigError(f"{share:g} is no share of the images that are off the map; give one of at least 0, below 1")
 
 
 def _logistic(x: NDArray[np.float64]) -> NDArray[np.float64]:

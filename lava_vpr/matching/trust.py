@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.matching.answers import Answers, Together, accepted, least_probability
-from lava_vpr.matching.probability import Bin, reliability
+from lava_vpr.matching.probability import HALF, Bin, reliability
 
 TARGETS = (0.9, 0.95, 0.98, 0.99)
 """The precisions whose thresholds tables show."""
@@ -45,12 +45,19 @@ class Trust:
         bins: Answers of like probability.
         thresholds: A row for each of `TARGETS`.
         off_map: Share of the queries that are off the map.
+        prior: The share that was taken to be.
     """
 
     error: float
     bins: tuple[Bin, ...]
     thresholds: tuple[Threshold, ...]
     off_map: float
+    prior: float = HALF
+
+    @property
+    def taken(self) -> str:
+        """The share that was taken to be off the map, in words."""
+        return "half" if self.prior == HALF else f"{100 * self.prior:g} %"
 
     def as_json(self) -> dict[str, Any]:
         """Plain JSON values; NaN and infinity become None."""
@@ -89,7 +96,7 @@ def trust(answers: Answers, truth: NDArray[np.bool_], together: Together) -> Tru
                 _share(good & ~on_map, ~on_map),
             )
         )
-    return Trust(error, bins, tuple(rows), float((~on_map).mean()))
+    return Trust(error, bins, tuple(rows), float((~on_map).mean()), together.off_map)
 
 
 def is_right(matches: NDArray[np.int64], truth: NDArray[np.bool_], radius: int) -> NDArray[np.bool_]:

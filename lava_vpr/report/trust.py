@@ -70,10 +70,11 @@ def section(trust: Mapping[str, Trust], followed: Mapping[str, Metrics]) -> str:
         for name, found in trust.items()
         for number, row in enumerate(found.thresholds)
     )
-    off_map = next(iter(trust.values())).off_map
+    one = next(iter(trust.values()))
     return render(
         "report_trust.html",
-        off_map=f"{100 * off_map:.1f}",
+        off_map=f"{100 * one.off_map:.1f}",
+        taken=one.taken,
         errors=safe(errors),
         followed=safe(_followed(followed)),
         drawing=reliability(trust, safe(alt)),

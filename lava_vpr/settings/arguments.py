@@ -56,6 +56,7 @@ _ARGUMENTS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "cluster": _TEXT,
     "adapt": (lambda value: _measured(value) and value >= 1, "a number of images, at least 1"),
     "target_precision": _NUMBER,
+    "off_map": _NUMBER,
     "stamp": (_measured, "a number of seconds"),
     "odometry": (_measured, "a finite number of metres (leave it out where unknown)"),
     "every": _ABOVE_0,

@@ -84,6 +84,19 @@ def test_thresholds_say_what_they_accept(here: Path) -> None:
     assert row["accepted"] == sum(accepted) / len(accepted)
 
 
+def test_where_all_is_on_the_map_a_match_is_likelier(here: Path) -> None:
+    ways = ((), ("--off-map", 0.5), ("--off-map", 0))
+    half, told, all_ = (matches("query", "--motion", "none", *words) for words in ways)
+    assert half == told
+    sure = [[float(row["probability"]) for row in rows] for rows in (half, all_)]
+    assert all(one < other for one, other in zip(*sure, strict=True))
+    (row, *_) = figures("query", "--off-map", 0)["probability"]["single"]["thresholds"]
+    assert row["accepted"] >= figures("query")["probability"]["single"]["thresholds"][0]["accepted"]
+    assert "the calibration takes 0 % for that" in " ".join(
+        run("eval", "m.lvpr", "query", "--off-map", 0).stdout.split()
+    )
+
+
 def test_equal_inputs_write_equal_bytes_wherever_they_are(here: Path) -> None:
     written = []
     for place in ("one", "another/deeper"):

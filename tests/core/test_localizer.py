@@ -357,6 +357,7 @@ def test_what_cannot_be_asked_is_refused(winter: Images, summer: Images, route: 
     wrong: list[tuple[type[LavaVprError], str, Callable[[], object]]] = [
         (ConfigError, "no motion 'sideways'", lambda: Localizer(route, "sideways")),
         (ConfigError, "a precision of 1 ", lambda: Localizer(route, target_precision=1.0)),
+        (ConfigError, "1 is no share", lambda: Localizer(route, off_map=1.0)),
         (ConfigError, "odd", lambda: Localizer(route, query_views=2)),
         (LavaVprError, "nowhere", lambda: Localizer(tmp_path / "nowhere.lvpr")),
         (InputError, "odometry needs a map with positions", lambda: robot.update(winter[1], odometry=5.0)),

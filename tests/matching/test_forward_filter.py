@@ -275,12 +275,13 @@ def sharp(place: NDArray[np.int64], other: float = 1.0) -> NDArray[np.float64]:
     return scores
 
 
-def test_the_first_query_and_any_order_are_answered_as_single_ones() -> None:
+@pytest.mark.parametrize("off_map", [0.5, 0.9])
+def test_the_first_query_and_any_order_are_answered_as_single_ones(off_map: float) -> None:
     truth, known = np.random.default_rng(1).permutation(PLACES), calibration()
     scores = sharp(truth, 6.0)
-    beliefs = filtered(ForwardFilter.start(PLACES, "any", known), scores)[1]
+    beliefs = filtered(ForwardFilter.start(PLACES, "any", known, off_map=off_map), scores)[1]
     places, chance = beliefs.best()
-    single = known.probabilities(scores)
+    single = known.probabilities(scores, off_map)
     assert np.array_equal(places, truth)
     assert np.all(chance[0] - single[0] >= 0)
     assert np.abs(chance - single).max() < 0.11

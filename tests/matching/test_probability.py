@@ -59,6 +59,25 @@ def test_probability_follows_the_margin() -> None:
     assert np.isnan(answers_of("contrast", scores).probability).all()
 
 
+@pytest.mark.parametrize("off_map", [0.0, 0.1, 0.5, 0.9])
+def test_the_prior_enters_by_bayes_rule(off_map: float) -> None:
+    """Right margins are twice as large as others, all of gamma's shape 2: they are e^(m/2) / 4 times as likely at m."""
+    rng = np.random.default_rng(1)
+    margins = rng.gamma(2.0, np.repeat([2.0, 1.0, 1.0], [16000, 4000, 20000]))
+    kinds = np.repeat([RIGHT, WRONG, OFF_MAP], [16000, 4000, 20000])
+    calibration = Calibration(np.stack([margins, kinds], axis=1).astype(np.float32))
+    asked = np.arange(0.5, 12.0, 0.5)
+    scores = np.stack([asked + 3.0, np.full(len(asked), 3.0)], axis=1)
+    right, wrong = (1 - off_map) * 0.8 * np.exp(asked / 2) / 4, (1 - off_map) * 0.2
+    found = calibration.probabilities(scores, off_map)
+    assert found == pytest.approx(right / (right + wrong + off_map), abs=0.02)
+    of_right, of_wrong = calibration.ratios(scores)
+    again = (1 - off_map) * of_right / ((1 - off_map) * (of_right + of_wrong) + off_map)
+    assert found == pytest.approx(again, abs=1e-9)
+    nothing = np.zeros((1, 2))
+    assert (*calibration.ratios(nothing), calibration.probabilities(nothing, off_map)) == (1.0, 0.0, 0.0)
+
+
 def test_margins_that_tell_nothing_give_half_of_the_right_a_chance() -> None:
     flat = np.array([[1, RIGHT], [1, RIGHT], [1, OFF_MAP], [1, OFF_MAP]], np.float32)
     assert Calibration(flat).probabilities(np.array([[9.0, 1.0]])) == pytest.approx([0.5], abs=1e-6)
@@ -66,15 +85,16 @@ def test_margins_that_tell_nothing_give_half_of_the_right_a_chance() -> None:
     assert Calibration(reversed_).curve.slope == 0.0
 
 
+@pytest.mark.parametrize("off_map", [0.5, 0.2])
 @pytest.mark.parametrize("precision", [0.8, 0.9, 0.95, 0.99])
-def test_a_threshold_keeps_as_much_as_the_precision_allows(precision: float) -> None:
+def test_a_threshold_keeps_as_much_as_the_precision_allows(precision: float, off_map: float) -> None:
     taken = samples(3)
     calibration = Calibration(taken)
-    kept = calibration.keeping(precision)
-    chances = calibration.probabilities(np.stack([taken[:, 0].astype(float), np.zeros(len(taken))], axis=1))
-    chances[taken[:, 0] == 0] = 1 / (1 + math.exp(-calibration.curve.offset))
+    kept = calibration.keeping(precision, off_map)
+    scores = np.stack([taken[:, 0].astype(float), np.zeros(len(taken))], axis=1)
+    chances = calibration.probabilities(scores + 1.0, off_map)
     off = taken[:, 1] == OFF_MAP
-    weights = np.where(off, 0.5 / off.sum(), 0.5 / (~off).sum())
+    weights = np.where(off, off_map / off.sum(), (1 - off_map) / (~off).sum())
 
     def by(least: float) -> float:
         good = chances >= least
@@ -101,6 +121,12 @@ def test_what_no_threshold_reaches_keeps_nothing() -> None:
 def test_a_precision_out_of_range_is_refused(precision: float) -> None:
     with pytest.raises(ConfigError, match="above 0 and below 1"):
         least_probability(ALONE, precision)
+
+
+@pytest.mark.parametrize("share", [1.0, -0.1, 2.0, math.nan])
+def test_what_can_be_no_share_of_the_queries_is_refused(share: float) -> None:
+    with pytest.raises(ConfigError, match="at least 0, below 1"):
+        Together(off_map=share)
 
 
 @pytest.mark.parametrize(("precision", "kept", "false_accepts"), [(0.4, 1.0, 1.0), (0.7, 0.5, 0.125), (0.9, 0.0, 0.0)])

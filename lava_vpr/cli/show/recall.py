@@ -35,8 +35,8 @@ def trust_tables(result: Recognition) -> list[Table]:
     """What each target precision keeps, and how far probabilities are from what they say, where they are known."""
     if not result.trust:
         return []
-    off_map = next(iter(result.trust.values())).off_map
-    note = f"{percent(off_map)} % of the queries are off the map; the calibration takes half for that"
+    one = next(iter(result.trust.values()))
+    note = f"{percent(one.off_map)} % of the queries are off the map; the calibration takes {one.taken} for that"
     rows = []
     for name, found in result.trust.items():
         for number, row in enumerate(found.thresholds):
