@@ -2,17 +2,17 @@
 
     python -m benchmarks robot.day [--seeds 0,1,2] [--chosen] [--updates 100000] [--record]
 
-All answers are causal. Drives are made of the query images by repeating, leaving out or reversing them; an image that
-shows what the last one showed is no news to the filter. Off the map are query images of places that the map does not
-have. ``--chosen`` prints the maps of Nordland 0:200 and Gardens Point 0:50, on which the filter's and the
-calibration's numbers were chosen; without it, the maps on which nothing was.
+All answers are causal. Drives are made of the query images of a map (`benchmarks/robot/drives.py`); stops and rest
+carry a camera's noise. Off the map are query images of places that the map does not have. ``--chosen`` prints the maps
+of Nordland 0:200 and Gardens Point 0:50, on which the filter's and the calibration's numbers were chosen; without it,
+the maps on which nothing was.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -24,57 +24,20 @@ from numpy.typing import NDArray
 
 from benchmarks.places import PlacesSection, images_of, learned, places
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
+from benchmarks.robot import drives
+from benchmarks.robot.drives import AFTER, BEFORE, REST, RESTING, Dull, Frames, Shown, kidnappings
 from lava_vpr import Localizer, train
 from lava_vpr.backends.asking import calibration_of
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
 from lava_vpr.engine.presentations import cores
-from lava_vpr.matching.answers import Answerer, Answers, Together, answers_of
+from lava_vpr.matching.answers import Answerer, Answers, Together, accepted, answers_of, least_probability
 from lava_vpr.matching.forward_filter import MOTIONS, NONE
 from lava_vpr.matching.probability import Calibration
 from lava_vpr.matching.trust import Trust, trust
 from lava_vpr.model import Model, prepare
 from lava_vpr.recognition import count_query_spikes
 from lava_vpr.traverse import open_traverse
-
-SPEEDS = {"half the speed": 0.5, "the same speed": 1.0, "1.2 times": 1.2, "1.5 times": 1.5, "twice": 2.0}
-EVERY, STOP = 50, 30
-"""A stop of so many frames after so many places."""
-BEFORE, AFTER = 25, 10
-"""Frames before a robot is carried off, and after."""
-
-REVERSED = "reversed"
-
-Frames = NDArray[np.int64]
-
-
-def at_speed(speed: float, places: int) -> Frames:
-    """The place of every frame at so many times the references' speed."""
-    return np.minimum((np.arange(int(places / speed)) * speed).astype(np.int64), places - 1)
-
-
-def with_stops(places: int) -> Frames:
-    """The place of every frame of a drive at the references' speed that stands still in between."""
-    return np.concatenate([np.full(1 + STOP * (place % EVERY == EVERY // 2), place) for place in range(places)])
-
-
-def every_drive(places: int) -> dict[str, Frames]:
-    """All drives by name."""
-    made = {name: at_speed(speed, places) for name, speed in SPEEDS.items()}
-    stops = f"{STOP} frames at rest, every {EVERY} places"
-    return made | {stops: with_stops(places), REVERSED: np.arange(places)[::-1]}
-
-
-def kidnappings(places: int, number: int, seed: int) -> list[Frames]:
-    """Drives that go on elsewhere, at least a twentieth of the map away, or half of what a short map allows."""
-    rng, made = np.random.default_rng(seed), []
-    least = min(places // 20 + BEFORE, (places - BEFORE - AFTER) // 2)
-    while len(made) < number:
-        here, there = rng.integers(0, places - BEFORE - AFTER, 2).tolist()
-        if abs(here - there) >= least:
-            made.append(np.concatenate([np.arange(here, here + BEFORE), np.arange(there, there + AFTER)]))
-    return made
-
 
 KIDNAPPED = 60
 TIMED = 200
@@ -91,6 +54,7 @@ UNSEEN = {
     "1,000 places": Map(PlacesSection("nordland_long", 0, 1000), PlacesSection("nordland", 0, 500)),
     "500 places": Map(PlacesSection("nordland", 0, 500), PlacesSection("nordland_long", 0, 500)),
 }
+RECORDS = {"1,000 places": "robot-drives", "500 places": "robot-drives-500"}
 CHOSEN = {
     "places 0:100": Map(PlacesSection("nordland", 0, 100), PlacesSection("nordland", 100, 200)),
     "places 100:200": Map(PlacesSection("nordland", 100, 200), PlacesSection("nordland", 0, 100)),
@@ -101,12 +65,23 @@ CHOSEN = {
 
 @dataclass(frozen=True)
 class ScoredImages:
-    """A model and what its network made of images on the map and off it: scores (n, places)."""
+    """A model, and what its network made of images.
+
+    Attributes:
+        model, calibration: The model.
+        on, off: Scores (n, places) of the map's queries, and of queries of other places.
+        stops: Of a drive with stops, drawn with noise.
+        rest: Of `REST` places, `RESTING` frames each, drawn with noise.
+        dull: Of the stretch that is told apart least.
+    """
 
     model: Model
+    calibration: Calibration
     on: NDArray[np.float64]
     off: NDArray[np.float64]
-    calibration: Calibration
+    stops: Shown
+    rest: tuple[Shown, ...]
+    dull: Dull
 
 
 def answered(where: Map, seed: int) -> ScoredImages:
@@ -120,55 +95,142 @@ def answered(where: Map, seed: int) -> ScoredImages:
     calibration = calibration_of(model, Pool(cores()))
     if calibration is None:
         raise TypeError("an integer model has a calibration")
-    return ScoredImages(model, on, off, calibration)
+
+    def seen(frames: Frames) -> Shown:
+        return drives.asked(model, drives.noisy(where.learned, frames, seed))
+
+    stops = seen(drives.with_stops(model.places))
+    rest = tuple(seen(np.full(RESTING, place)) for place in resting(model.places))
+    return ScoredImages(model, calibration, on, off, stops, rest, drives.dull(model, where.learned))
 
 
-def follow(scores: NDArray[np.float64], motion: str, frames: NDArray[np.int64]) -> Answers:
-    """What the filter answers to frames, by their rows of scores; the same row again is a robot that stands still."""
-    moving = np.append(True, np.diff(frames) != 0)
-    start = Answerer.of(preset("loihi").decoder.default, scores.shape[1], Together(motion=motion))
-    return start.step(scores[frames], moving)[1]
+def resting(n: int) -> list[int]:
+    """The places of ``n`` at which a robot is switched on."""
+    return np.unique(np.linspace(0, n - 1, REST).astype(np.int64)).tolist()
 
 
-def found_again(some: ScoredImages, motion: str) -> float:
-    """Percent of kidnappings after which a place is exact within ten frames, and the last is within one."""
-    cases = kidnappings(some.model.places, KIDNAPPED, seed=1)
-    again = 0
+def follow(some: ScoredImages, shown: Shown, motion: str = "any") -> Answers:
+    """What the filter answers."""
+    start = Answerer.of(preset("loihi").decoder.default, some.model.places, together(some, motion))
+    return start.step(shown.scores, shown.moving)[1]
+
+
+def together(some: ScoredImages, motion: str) -> Together:
+    """How queries are matched."""
+    return Together(motion=motion, calibration=some.calibration)
+
+
+def good(some: ScoredImages, answers: Answers, motion: str = "any") -> NDArray[np.bool_]:
+    """Which answers are accepted."""
+    return accepted(answers, least_probability(together(some, motion)))
+
+
+def found_again(some: ScoredImages) -> float:
+    """Share of kidnappings after which a place is exact within ten frames, and the last is within one."""
+    cases, again = kidnappings(some.model.places, KIDNAPPED, seed=1), 0
     for frames in cases:
-        apart = np.abs(follow(some.on, motion, frames).matches - frames)[BEFORE:]
+        apart = np.abs(follow(some, Shown(some.on[frames], drives.moving(frames))).matches - frames)[BEFORE:]
         again += bool((apart == 0).any() and apart[-1] <= 1)
-    return 100 * again / len(cases)
+    return again / len(cases)
 
 
-def driven(some: ScoredImages, motion: str, frames: NDArray[np.int64]) -> list[float]:
-    """Percent of the frames of a drive that are answered exactly, and within 3 places."""
-    found = some.on[frames].argmax(axis=1) if motion == NONE else follow(some.on, motion, frames).matches
-    return [100 * float((np.abs(found - frames) <= off).mean()) for off in (0, 3)]
+class Driven(NamedTuple):
+    """Shares of the frames of a drive that are on the map: exact alone; filtered: exact, within 3 places, accepted;
+    and of all that is accepted the share within a place of the truth."""
+
+    alone: float
+    exact: float
+    near: float
+    accepted: float
+    right: float
 
 
-def drive_cells(all_seeds: Sequence[ScoredImages]) -> list[list[str]]:
-    """The cells of a map, a row for each drive: exact / within three places, in percent, means over seeds."""
-    rows = []
-    for drive, frames in every_drive(all_seeds[0].model.places).items():
-        cells = []
-        for motion in (NONE, *MOTIONS):
-            figures = np.mean([driven(some, motion, frames) for some in all_seeds], axis=0)
-            backwards = motion == "forward" and drive == REVERSED
-            cells.append("" if backwards else " / ".join(f"{value:.1f}" for value in figures))
-        rows.append(cells)
-    again = [np.mean([found_again(some, motion) for some in all_seeds]) for motion in MOTIONS]
-    return [*rows, ["", *(f"{of:.0f}" for of in again)]]
+def driven(some: ScoredImages, shown: Shown, truth: Frames, part: slice = slice(None)) -> Driven:
+    """How a drive, or a ``part`` of it, is answered; -1 is off the map."""
+    answers = follow(some, shown)
+    sure = good(some, answers)[part]
+    there, matches, truth = truth[part] >= 0, answers.matches[part], truth[part]
+    apart = np.where(there, np.abs(matches - truth), some.model.places)
+    alone = shown.scores.argmax(axis=1)[part] == truth
+    right = float((apart <= 1)[sure].mean()) if sure.any() else float("nan")
+    return Driven(*(float(of[there].mean()) for of in (alone, apart == 0, apart <= 3, sure)), right)
 
 
-def drive_table(maps: Mapping[str, Sequence[ScoredImages]], record: str) -> BenchmarkTable:
-    """All drives on all maps."""
-    names = [*every_drive(KIDNAPPED), f"carried off: found again within {AFTER} images"]
-    columns = [name for title in maps for name in (f"{title}: alone", "`--motion any`", "`forward`")]
-    rows = zip(*(drive_cells(seeds) for seeds in maps.values()), strict=True)
+def every_drive(some: ScoredImages) -> Iterator[tuple[str, Driven]]:
+    """All drives by name."""
+    n = some.model.places
+    made = {name: drives.at_speed(speed, n) for name, speed in drives.SPEEDS.items()}
+    order = np.random.default_rng(0).permutation(n)
+    for name, frames in (made | {"reversed": np.arange(n)[::-1], "in random order": order}).items():
+        yield name, driven(some, Shown(some.on[frames], drives.moving(frames)), frames)
+    stops = f"{drives.STOP} frames at rest, every {drives.EVERY} places"
+    yield stops, driven(some, some.stops, drives.with_stops(n))
+    off = some.off[:n]
+    half = Shown(np.concatenate([some.on, off]), np.ones(n + len(off), np.bool_))
+    yield "as many off the map as on it", driven(some, half, np.append(np.arange(n), np.full(len(off), -1)))
+    first, length = some.dull.first, len(some.dull.scores)
+    scores = some.on.copy()
+    scores[first : first + length] = some.dull.scores
+    for name, frames in {
+        "a dull stretch": np.arange(n),
+        "the same, 1.5 times": drives.at_speed(1.5, n),
+        "the same, reversed": np.arange(n)[::-1],
+    }.items():
+        within = np.flatnonzero((frames >= first) & (frames < first + length))
+        shown = Shown(scores[frames], drives.moving(frames))
+        yield name, driven(some, shown, frames, slice(within[0], within[-1] + 1))
+        if within[-1] + 1 < len(frames):
+            yield f"{name}: what follows", driven(some, shown, frames, slice(within[-1] + 1, None))
+
+
+def at_rest(some: ScoredImages) -> tuple[float, float]:
+    """Share of the places where a robot is switched on that are accepted alone, and that are after `RESTING` frames."""
+    after = [bool(good(some, follow(some, shown))[-1]) for shown in some.rest]
+    scores = np.concatenate([shown.scores[:1] for shown in some.rest])
+    alone = answers_of(some.model.config.decoder.default, scores, some.calibration)
+    return float(good(some, alone, NONE).mean()), float(np.mean(after))
+
+
+def drive_cells(all_seeds: Sequence[ScoredImages]) -> dict[str, list[str]]:
+    """The cells of a map by drive: means over seeds in percent, and the least of a seed."""
+    found = [dict(every_drive(some)) for some in all_seeds]
+    cells = {}
+    for name in found[0]:
+        figures = np.array([of[name] for of in found])
+        mean, least = ([percent(value) for value in of] for of in (_known(figures, np.mean), _known(figures, np.min)))
+        cells[name] = [mean[0], " / ".join(mean[1:3]), " / ".join(mean[3:]), " / ".join(least[1:])]
+    alone, rest = np.mean([at_rest(some) for some in all_seeds], axis=0)
+    single = [good(some, answers_of("standard", some.on, some.calibration), NONE).mean() for some in all_seeds]
+    again = [found_again(some) for some in all_seeds]
+    return cells | {
+        "accepted alone": ["", "", percent(float(np.mean(single))), ""],
+        "at rest from the first image: accepted alone / filtered": ["", "", f"{percent(alone)} / {percent(rest)}", ""],
+        f"carried off: found again within {AFTER} images": [
+            "",
+            percent(float(np.mean(again))),
+            "",
+            percent(min(again)),
+        ],
+    }
+
+
+def _known(figures: NDArray[np.float64], of: Callable[..., float]) -> list[float]:
+    """``of`` each column of (seeds, figures), without what is not known; NaN if nothing is."""
+    return [float(of(column[~np.isnan(column)])) if (~np.isnan(column)).any() else float("nan") for column in figures.T]
+
+
+def percent(share: float) -> str:
+    """A share in percent; a dash where it is not known, as the precision of no accepted answer."""
+    return "-" if np.isnan(share) else f"{100 * share:.1f}"
+
+
+def drive_table(title: str, all_seeds: Sequence[ScoredImages], record: str) -> BenchmarkTable:
+    """All drives on a map."""
+    ways = ("alone: exact", "filtered: exact / within 3", "accepted / right of those", "the least of a seed")
     return BenchmarkTable(
-        ["drive", *columns],
-        [[name, *(cell for cells in row for cell in cells)] for name, row in zip(names, rows, strict=True)],
-        title="exact / within 3 places, percent",
+        ["drive", *ways],
+        [[name, *cells] for name, cells in drive_cells(all_seeds).items()],
+        title=f"{title}: percent of the frames on the map; right: within a place",
         record=record,
     )
 
@@ -183,8 +245,8 @@ def trusts(some: ScoredImages) -> dict[str, Trust | None]:
     alone = answers_of(some.model.config.decoder.default, scores, some.calibration)
     made = {"alone": trust(alone, truth, Together(calibration=some.calibration))}
     for motion in MOTIONS:
-        by_filter = follow(scores, motion, np.arange(len(scores)))
-        made[f"`--motion {motion}`"] = trust(by_filter, truth, Together(motion=motion))
+        by_filter = follow(some, Shown(scores, np.ones(len(scores), np.bool_)), motion)
+        made[f"`--motion {motion}`"] = trust(by_filter, truth, together(some, motion))
     return made
 
 
@@ -259,7 +321,8 @@ def main(updates: int, seeds: Sequence[int], chosen: bool) -> Printed:
     """Drives, trust and milliseconds an image."""
     maps = CHOSEN if chosen else UNSEEN
     found = {name: [answered(where, seed) for seed in seeds] for name, where in maps.items()}
-    yield drive_table(found, "" if chosen else "robot-drives")
+    for name, all_seeds in found.items():
+        yield drive_table(name, all_seeds, RECORDS.get(name, ""))
     yield trust_table(dict(reversed(found.items())), "" if chosen else "robot-trust")
     if not chosen:
         for name, where in maps.items():

@@ -1,0 +1,124 @@
+"""Drives made of the query images of a map: by repeating, leaving out, reversing, blurring and drawing noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.places import FOLDERS, PlacesSection, images_of
+from lava_vpr.backends.asking import Asker
+from lava_vpr.encoding import encode_arrays
+from lava_vpr.engine.adaptation import Motion
+from lava_vpr.engine.presentations import cores
+from lava_vpr.matching.decoders import margin
+from lava_vpr.model import Model, prepare
+from lava_vpr.recognition import count_query_spikes
+from lava_vpr.traverse import open_traverse
+
+SPEEDS = {
+    "half the speed": 0.5,
+    "the same speed": 1.0,
+    "1.2 times": 1.2,
+    "1.5 times": 1.5,
+    "twice": 2.0,
+    "3 times": 3.0,
+    "4 times": 4.0,
+    "6 times": 6.0,
+    "8 times": 8.0,
+}
+EVERY, STOP = 50, 30
+"""A stop of so many frames after so many places."""
+BEFORE, AFTER = 25, 10
+"""Frames before a robot is carried off, and after."""
+REST, RESTING = 96, 20
+"""Places at which a robot is switched on, and frames that it stands there."""
+NOISE, SIZE = 6.0, (640, 320)
+"""Grey levels of a camera's noise (standard deviation), drawn on images of this size."""
+DULL, BLURRED_RIGHT = 0.15, 0.1
+"""Share of a route that is dull, and of its blurred images that are right alone: less than this."""
+
+Frames = NDArray[np.int64]
+Image = NDArray[np.uint8]
+
+
+class Shown(NamedTuple):
+    """What a network made of images: scores (n, places), and whether each shows something else than the last one."""
+
+    scores: NDArray[np.float64]
+    moving: NDArray[np.bool_]
+
+
+def at_speed(speed: float, places: int) -> Frames:
+    """The place of every frame at so many times the references' speed."""
+    return np.minimum((np.arange(int(places / speed)) * speed).astype(np.int64), places - 1)
+
+
+def with_stops(places: int) -> Frames:
+    """The place of every frame of a drive at the references' speed that stands still in between."""
+    return np.concatenate([np.full(1 + STOP * (place % EVERY == EVERY // 2), place) for place in range(places)])
+
+
+def moving(frames: Frames) -> NDArray[np.bool_]:
+    """Whether each frame shows another place than the one before."""
+    return np.append(True, np.diff(frames) != 0)
+
+
+def query_image(section: PlacesSection, place: int) -> Image:
+    """A query image of a section."""
+    return open_traverse(images_of(section.dataset, FOLDERS[section.dataset][1])).load(section.first + place)
+
+
+def asked(model: Model, images: Iterator[Image]) -> Shown:
+    """Ask a model of images that are no files."""
+    asker, motion, scores_of = Asker(model), Motion(), prepare(model)
+    scores, moves = [], []
+    while some := list(islice(images, 64)):
+        seen = encode_arrays(some, model.config.encoder, standard=model.standard)
+        shown = asker.presentations(seen)
+        scores.append(scores_of(count_query_spikes(model, seen[0], threads=cores(), shown=shown)[0]))
+        moves.append(motion.moving(shown.rates))
+    return Shown(np.concatenate(scores), np.concatenate(moves))
+
+
+def noisy(section: PlacesSection, frames: Frames, seed: int) -> Iterator[Image]:
+    """The frames of a drive as a camera sees them, each with noise of its own."""
+    rng, source = np.random.default_rng(seed), open_traverse(images_of(section.dataset, FOLDERS[section.dataset][1]))
+    for place in frames.tolist():
+        large = cv2.resize(source.load(section.first + place), SIZE, interpolation=cv2.INTER_CUBIC).astype(np.float32)
+        yield np.clip(np.rint(large + rng.normal(0.0, NOISE, large.shape)), 0, 255).astype(np.uint8)
+
+
+class Dull(NamedTuple):
+    """The stretch of a map whose references are told apart least, and its queries, blurred: scores (n, places)."""
+
+    first: int
+    scores: NDArray[np.float64]
+
+
+def dull(model: Model, section: PlacesSection) -> Dull:
+    """The dull stretch of a map, blurred by the least Gaussian (quarters of a pixel) with which too few are right."""
+    length, scores_of = max(5, int(DULL * model.places)), prepare(model)
+    margins = margin(scores_of(np.ascontiguousarray(model.responses.T)))
+    first = int(np.convolve(margins, np.ones(length), "valid").argmin())
+    images = [query_image(section, first + k) for k in range(length)]
+    for quarters in range(1, 400):
+        scores = asked(model, (cv2.GaussianBlur(image, (0, 0), quarters / 4) for image in images)).scores
+        if (scores.argmax(axis=1) == first + np.arange(length)).mean() < BLURRED_RIGHT:
+            break
+    return Dull(first, scores)
+
+
+def kidnappings(places: int, number: int, seed: int) -> list[Frames]:
+    """Drives that go on elsewhere, at least a twentieth of the map away, or half of what a short map allows."""
+    rng, made = np.random.default_rng(seed), []
+    least = min(places // 20 + BEFORE, (places - BEFORE - AFTER) // 2)
+    while len(made) < number:
+        here, there = rng.integers(0, places - BEFORE - AFTER, 2).tolist()
+        if abs(here - there) >= least:
+            made.append(np.concatenate([np.arange(here, here + BEFORE), np.arange(there, there + AFTER)]))
+    return made
