@@ -48,6 +48,7 @@ from lava_vpr.errors import InputError, shown
 from lava_vpr.matches import Unfollowed, matches_of
 from lava_vpr.matching.answers import Answers, Together, accepted, least_probability, sure
 from lava_vpr.matching.forward_filter import NONE
+from lava_vpr.matching.probability import Calibration
 from lava_vpr.matching.sequences import Pace
 from lava_vpr.model import Model
 from lava_vpr.recognition import Answered, answer_stream
@@ -113,10 +114,12 @@ class Accepting:
     Attributes:
         precision: What share of them is right; None: `PRECISION`.
         confidence: The least confidence of the decoder; None: ``precision`` decides.
+        off_map: Share of the images that is taken to be off the map.
     """
 
     precision: float | None
     confidence: float | None
+    off_map: float
 
     def __post_init__(self) -> None:
         if self.confidence is not None and math.isnan(self.confidence):
@@ -182,7 +185,7 @@ class Accepting:
 )
 @noun(
     "accepting",
-    lambda target_precision, min_confidence: Accepting(target_precision, min_confidence),
+    lambda target_precision, min_confidence, off_map: Accepting(target_precision, min_confidence, off_map),
     precision_option,
     click.option(
         "--min-confidence",
@@ -191,8 +194,8 @@ class Accepting:
         metavar="C",
         help="Accept by the decoder's confidence instead: matches of at least this.",
     ),
+    off_map_option,
 )
-@off_map_option
 @query_positions_options
 def query(
     model_path: Path,
@@ -205,7 +208,6 @@ def query(
     motion: str,
     sequence: int,
     accepting: Accepting,
-    off_map: float,
     seed: int | None,
     where: WhereOptions,
 ) -> None:
@@ -225,8 +227,7 @@ def query(
             f"{shown(images)}: has {len(traverse)} images, fewer than --sequence {sequence}; use a shorter sequence"
         )
     table = MatchTable.of(model, traverse, writing.top, chances=motion != NONE)
-    known = None if asking.views > 1 else calibration_of(model, Pool(cores()))
-    together = Together(sequence, motion, known, off_map)
+    together = Together(sequence, motion, _calibration(model, asking), accepting.off_map)
     pace = Pace() if sequence > 1 else None
     answer = partial(answer_stream, model, traverse, backend=backend, together=together, asking=asking, seed=seed)
     with query_progress(traverse.source, backend, len(traverse), silent=writing.silent) as (read, advance):
@@ -244,6 +245,11 @@ def _checked(model: Model, asking: Asking, where: WhereOptions, backend: str) ->
     where.check(model)
     backends.require(backend, model)
     return model
+
+
+def _calibration(model: Model, asking: Asking) -> Calibration | None:
+    """What is known of single queries: nothing in several views."""
+    return None if asking.views > 1 else calibration_of(model, Pool(cores()))
 
 
 def _write(

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import NoReturn
 
 import click
 
@@ -104,24 +103,19 @@ def watch(
         for watched in islice(watch_images(localizer, found.frames(), refused), stop_after):
             write_stdout(json_line(watched.values()))
             recent.add(watched)
-        _sum_up(recent)
-        if port is not None and recent.said["answered"] != stop_after:
-            _stay(recent)
+        _sum_up(recent, stays=port is not None and recent.said["answered"] != stop_after)
 
 
-def _sum_up(recent: Recent) -> None:
-    """Tell what became of the images."""
+def _sum_up(recent: Recent, *, stays: bool) -> None:
+    """Tell what became of the images; where the page ``stays``, let it be looked at until Ctrl-C."""
     said = recent.said
     stderr.print(f"note: {counted(said['answered'])}, {said['recognised']} recognised, {said['refused']} left out")
     if recent.unfollowed.said is not None:
         stderr.print(f"warning: {recent.unfollowed.said}")
-
-
-def _stay(recent: Recent) -> NoReturn:
-    """Let the page be looked at until Ctrl-C."""
-    recent.end()
-    stderr.print("note: the source has ended; the page stays until Ctrl-C")
-    while True:
+    if stays:
+        recent.end()
+        stderr.print("note: the source has ended; the page stays until Ctrl-C")
+    while stays:
         signal.pause()
 
 

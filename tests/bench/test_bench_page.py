@@ -91,7 +91,7 @@ def test_a_map_and_thresholds_stand_where_they_are_known() -> None:
     assert values["position_error"]["within"] == 0.8
     assert values["probability"]["single"] == probabilities().as_json()
     row = next(row for row in described.thresholds(bench()).rows if row[0] == "95.0")
-    assert row[2:4] == ("20.0", "100.0")
+    assert row[2:4] == ("10.0", "100.0")
     without = bench(trust={}, on_map=None)
     assert as_json(without)["position_error"] is None
     assert not re.search(r'<section id="(map|trust)">', page(without))
