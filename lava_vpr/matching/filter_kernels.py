@@ -39,16 +39,17 @@ def move(
     moved, sums = np.zeros_like(tracks), np.zeros_like(positions)
     stay, near, rest = following * STAYING, following * NEXT, following * (1.0 - STAYING - 2.0 * NEXT)
     for speed in range(speeds):
-        here, slower, faster = tracks[speed], tracks[max(speed - 1, 0)], tracks[min(speed + 1, speeds - 1)]
         shift, any_speed, begun = shifts[speed], rest * prior[speed], prior[speed]
-        first, last = max(0, -shift), min(length, length - shift)
-        for at in range(first, last):
-            mass = stay * here[at] + near * (slower[at] + faster[at]) + any_speed * positions[at]
-            moved[speed, at + shift] = mass
+        first, last = min(max(0, -shift), length), max(0, min(length, length - shift))
+        here, every = tracks[speed, first:last], positions[first:last]
+        slower, faster = tracks[max(speed - 1, 0), first:last], tracks[min(speed + 1, speeds - 1), first:last]
+        there, total = moved[speed, first + shift : last + shift], sums[first + shift : last + shift]
+        for k in range(len(here)):  # from 0, so that the compiler takes several at a time
+            there[k] = stay * here[k] + near * (slower[k] + faster[k]) + any_speed * every[k]
         for place in range(-(-first // fractions), -(-last // fractions)):
             moved[speed, place * fractions + shift] += begun * entering[place]
-        for at in range(length):
-            sums[at] += moved[speed, at]
+        for k in range(len(total)):
+            total[k] += there[k]
     return moved, sums
 
 
