@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from benchmarks.places import PlacesSection, images_of, learned, places
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from benchmarks.robot import drives
-from benchmarks.robot.drives import AFTER, BEFORE, REST, RESTING, Dull, Frames, Shown, kidnappings
+from benchmarks.robot.drives import AFTER, BEFORE, REST, RESTING, Dull, Frames, ScoredFrames, kidnappings
 from lava_vpr import Localizer, train
 from lava_vpr.backends.asking import calibration_of
 from lava_vpr.cluster.tasks import Pool
@@ -79,8 +79,8 @@ class ScoredImages:
     calibration: Calibration
     on: NDArray[np.float64]
     off: NDArray[np.float64]
-    stops: Shown
-    rest: tuple[Shown, ...]
+    stops: ScoredFrames
+    rest: tuple[ScoredFrames, ...]
     dull: Dull
 
 
@@ -96,7 +96,7 @@ def answered(where: Map, seed: int) -> ScoredImages:
     if calibration is None:
         raise TypeError("an integer model has a calibration")
 
-    def seen(frames: Frames) -> Shown:
+    def seen(frames: Frames) -> ScoredFrames:
         return drives.asked(model, drives.noisy(where.learned, frames, seed))
 
     stops = seen(drives.with_stops(model.places))
@@ -109,7 +109,7 @@ def resting(n: int) -> list[int]:
     return np.unique(np.linspace(0, n - 1, REST).astype(np.int64)).tolist()
 
 
-def follow(some: ScoredImages, shown: Shown, motion: str = "any") -> Answers:
+def follow(some: ScoredImages, shown: ScoredFrames, motion: str = "any") -> Answers:
     """What the filter answers."""
     start = Answerer.of(preset("loihi").decoder.default, some.model.places, together(some, motion))
     return start.step(shown.scores, shown.moving)[1]
@@ -129,7 +129,7 @@ def found_again(some: ScoredImages) -> float:
     """Share of kidnappings after which a place is exact within ten frames, and the last is within one."""
     cases, again = kidnappings(some.model.places, KIDNAPPED, seed=1), 0
     for frames in cases:
-        apart = np.abs(follow(some, Shown(some.on[frames], drives.moving(frames))).matches - frames)[BEFORE:]
+        apart = np.abs(follow(some, ScoredFrames(some.on[frames], drives.moving(frames))).matches - frames)[BEFORE:]
         again += bool((apart == 0).any() and apart[-1] <= 1)
     return again / len(cases)
 
@@ -145,7 +145,7 @@ class Driven(NamedTuple):
     right: float
 
 
-def driven(some: ScoredImages, shown: Shown, truth: Frames, part: slice = slice(None)) -> Driven:
+def driven(some: ScoredImages, shown: ScoredFrames, truth: Frames, part: slice = slice(None)) -> Driven:
     """How a drive, or a ``part`` of it, is answered; -1 is off the map."""
     answers = follow(some, shown)
     sure = good(some, answers)[part]
@@ -162,11 +162,11 @@ def every_drive(some: ScoredImages) -> Iterator[tuple[str, Driven]]:
     made = {name: drives.at_speed(speed, n) for name, speed in drives.SPEEDS.items()}
     order = np.random.default_rng(0).permutation(n)
     for name, frames in (made | {"reversed": np.arange(n)[::-1], "in random order": order}).items():
-        yield name, driven(some, Shown(some.on[frames], drives.moving(frames)), frames)
+        yield name, driven(some, ScoredFrames(some.on[frames], drives.moving(frames)), frames)
     stops = f"{drives.STOP} frames at rest, every {drives.EVERY} places"
     yield stops, driven(some, some.stops, drives.with_stops(n))
     off = some.off[:n]
-    half = Shown(np.concatenate([some.on, off]), np.ones(n + len(off), np.bool_))
+    half = ScoredFrames(np.concatenate([some.on, off]), np.ones(n + len(off), np.bool_))
     yield "as many off the map as on it", driven(some, half, np.append(np.arange(n), np.full(len(off), -1)))
     first, length = some.dull.first, len(some.dull.scores)
     scores = some.on.copy()
@@ -177,7 +177,7 @@ def every_drive(some: ScoredImages) -> Iterator[tuple[str, Driven]]:
         "the same, reversed": np.arange(n)[::-1],
     }.items():
         within = np.flatnonzero((frames >= first) & (frames < first + length))
-        shown = Shown(scores[frames], drives.moving(frames))
+        shown = ScoredFrames(scores[frames], drives.moving(frames))
         yield name, driven(some, shown, frames, slice(within[0], within[-1] + 1))
         if within[-1] + 1 < len(frames):
             yield f"{name}: what follows", driven(some, shown, frames, slice(within[-1] + 1, None))
@@ -245,7 +245,7 @@ def trusts(some: ScoredImages) -> dict[str, Trust | None]:
     alone = answers_of(some.model.config.decoder.default, scores, some.calibration)
     made = {"alone": trust(alone, truth, Together(calibration=some.calibration))}
     for motion in MOTIONS:
-        by_filter = follow(some, Shown(scores, np.ones(len(scores), np.bool_)), motion)
+        by_filter = follow(some, ScoredFrames(scores, np.ones(len(scores), np.bool_)), motion)
         made[f"`--motion {motion}`"] = trust(by_filter, truth, together(some, motion))
     return made
 

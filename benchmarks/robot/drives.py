@@ -46,7 +46,7 @@ Frames = NDArray[np.int64]
 Image = NDArray[np.uint8]
 
 
-class Shown(NamedTuple):
+class ScoredFrames(NamedTuple):
     """What a network made of images: scores (n, places), and whether each shows something else than the last one."""
 
     scores: NDArray[np.float64]
@@ -73,7 +73,7 @@ def query_image(section: PlacesSection, place: int) -> Image:
     return open_traverse(images_of(section.dataset, FOLDERS[section.dataset][1])).load(section.first + place)
 
 
-def asked(model: Model, images: Iterator[Image]) -> Shown:
+def asked(model: Model, images: Iterator[Image]) -> ScoredFrames:
     """Ask a model of images that are no files."""
     asker, motion, scores_of = Asker(model), Motion(), prepare(model)
     scores, moves = [], []
@@ -82,7 +82,7 @@ def asked(model: Model, images: Iterator[Image]) -> Shown:
         shown = asker.presentations(seen)
         scores.append(scores_of(count_query_spikes(model, seen[0], threads=cores(), shown=shown)[0]))
         moves.append(motion.moving(shown.rates))
-    return Shown(np.concatenate(scores), np.concatenate(moves))
+    return ScoredFrames(np.concatenate(scores), np.concatenate(moves))
 
 
 def noisy(section: PlacesSection, frames: Frames, seed: int) -> Iterator[Image]:
