@@ -74,10 +74,14 @@ class Beliefs:
         self.places[number], self.off_map[number], self.sure[number], self.followed[number] = said
 
     def best(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """The most probable place of each query, int64 (n,), and the probability of being near it, float64 (n,)."""
+        """The most probable place of each query, int64 (n,), and the probability of being near it, float64 (n,).
+
+        It is rounded to 9 digits, so that it is the same number on every machine.
+        """
         places = self.places.argmax(axis=1)
         found = zip(self.sure, places.tolist(), strict=True)
-        return places, np.array([row[max(0, at - RADIUS) : at + RADIUS + 1].sum() for row, at in found])
+        near = [float(row[max(0, at - RADIUS) : at + RADIUS + 1].sum()) for row, at in found]
+        return places, np.minimum(np.round(np.array(near), 9), 1.0)
 
 
 def filtered(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -129,10 +130,16 @@ def write_page(text: str, target: Path) -> Path:
         InputError: the folder cannot be made or written.
     """
     content = text.encode("utf-8", "replace")
+    missing = [folder for folder in target.parents if not folder.exists()]
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(target, lambda file: file.write(content))
-    except OSError as error:
+    except BaseException as error:  # an interruption, too, leaves no empty folder
+        for folder in missing:
+            with suppress(OSError):
+                folder.rmdir()
+        if not isinstance(error, OSError):
+            raise
         raise InputError(
             f"{shown(target)}: the report cannot be written ({error.strerror or error}); "
             "give a folder that can be written and has space left"
