@@ -32,7 +32,8 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
 from lava_vpr.engine.presentations import cores
 from lava_vpr.matching.answers import Answerer, Answers, Together, accepted, answers_of, least_probability
-from lava_vpr.matching.forward_filter import MOTIONS, NONE
+from lava_vpr.matching.beliefs import filtered
+from lava_vpr.matching.forward_filter import MOTIONS, NONE, ForwardFilter
 from lava_vpr.matching.probability import Calibration
 from lava_vpr.matching.trust import Trust, trust
 from lava_vpr.model import Model, prepare
@@ -96,12 +97,14 @@ def answered(where: Map, seed: int) -> ScoredImages:
     if calibration is None:
         raise TypeError("an integer model has a calibration")
 
+    images = drives.queries_of(where.learned)
+
     def seen(frames: Frames) -> ScoredFrames:
-        return drives.asked(model, drives.noisy(where.learned, frames, seed))
+        return drives.asked(model, drives.noisy(images, frames, seed))
 
     stops = seen(drives.with_stops(model.places))
     rest = tuple(seen(np.full(RESTING, place)) for place in resting(model.places))
-    return ScoredImages(model, calibration, on, off, stops, rest, drives.dull(model, where.learned))
+    return ScoredImages(model, calibration, on, off, stops, rest, drives.dull(model, images))
 
 
 def resting(n: int) -> list[int]:
@@ -293,6 +296,15 @@ def latency(name: str, model: Model, dataset: str) -> Printed:
         )
 
 
+def filter_cost(places: int) -> str:
+    """Milliseconds of a processor of the filter alone, of scores that are made up."""
+    scores = np.random.default_rng(0).gamma(0.4, 4.0, (TIMED, places))
+    state, _ = filtered(ForwardFilter.start(places), scores[:10])
+    worked = time.process_time()
+    filtered(state, scores)
+    return f"{places:,} places: the filter alone: {1e3 * (time.process_time() - worked) / TIMED:.2f} ms of a processor"
+
+
 def mirrored() -> Model:
     """A map of 3,000 places: the 1,500 of Nordland, and their mirror images."""
     seen = [
@@ -328,5 +340,6 @@ def main(updates: int, seeds: Sequence[int], chosen: bool) -> Printed:
         for name, where in maps.items():
             yield from latency(name, found[name][0].model, where.learned.dataset)
         yield from latency("3,000 places", mirrored(), "nordland")
+        yield from (filter_cost(places) for places in (2500, 10_000))
     if updates:
         yield memory(next(reversed(found.values()))[0].model, updates)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import NamedTuple
 
@@ -68,9 +68,10 @@ def moving(frames: Frames) -> NDArray[np.bool_]:
     return np.append(True, np.diff(frames) != 0)
 
 
-def query_image(section: PlacesSection, place: int) -> Image:
-    """A query image of a section."""
-    return open_traverse(images_of(section.dataset, FOLDERS[section.dataset][1])).load(section.first + place)
+def queries_of(section: PlacesSection) -> list[Image]:
+    """The query images of a section, in order."""
+    source = open_traverse(images_of(section.dataset, FOLDERS[section.dataset][1]))
+    return [source.load(k) for k in range(section.first, section.end)]
 
 
 def asked(model: Model, images: Iterator[Image]) -> ScoredFrames:
@@ -85,11 +86,11 @@ def asked(model: Model, images: Iterator[Image]) -> ScoredFrames:
     return ScoredFrames(np.concatenate(scores), np.concatenate(moves))
 
 
-def noisy(section: PlacesSection, frames: Frames, seed: int) -> Iterator[Image]:
-    """The frames of a drive as a camera sees them, each with noise of its own."""
-    rng, source = np.random.default_rng(seed), open_traverse(images_of(section.dataset, FOLDERS[section.dataset][1]))
+def noisy(images: Sequence[Image], frames: Frames, seed: int) -> Iterator[Image]:
+    """The frames of a drive as a camera sees ``images`` of the places, each with noise of its own."""
+    rng = np.random.default_rng(seed)
     for place in frames.tolist():
-        large = cv2.resize(source.load(section.first + place), SIZE, interpolation=cv2.INTER_CUBIC).astype(np.float32)
+        large = cv2.resize(images[place], SIZE, interpolation=cv2.INTER_CUBIC).astype(np.float32)
         yield np.clip(np.rint(large + rng.normal(0.0, NOISE, large.shape)), 0, 255).astype(np.uint8)
 
 
@@ -100,12 +101,12 @@ class Dull(NamedTuple):
     scores: NDArray[np.float64]
 
 
-def dull(model: Model, section: PlacesSection) -> Dull:
+def dull(model: Model, queries: Sequence[Image]) -> Dull:
     """The dull stretch of a map, blurred by the least Gaussian (quarters of a pixel) with which too few are right."""
     length, scores_of = max(5, int(DULL * model.places)), prepare(model)
     margins = margin(scores_of(np.ascontiguousarray(model.responses.T)))
     first = int(np.convolve(margins, np.ones(length), "valid").argmin())
-    images = [query_image(section, first + k) for k in range(length)]
+    images = queries[first : first + length]
     for quarters in range(1, 400):
         scores = asked(model, (cv2.GaussianBlur(image, (0, 0), quarters / 4) for image in images)).scores
         if (scores.argmax(axis=1) == first + np.arange(length)).mean() < BLURRED_RIGHT:

@@ -180,8 +180,9 @@ class ForwardFilter:
     def timed(self, stamp: float | None) -> tuple[float, ForwardFilter]:
         """Intervals since the last query, 1 where they are not known; and this state with its stamp."""
         passed = float("nan") if stamp is None or self.stamp is None else stamp - self.stamp
-        if not 0.0 < passed < float("inf"):  # stamps that go back or are no numbers count for nothing
-            return 1.0, self if stamp is None or not np.isfinite(stamp) else replace(self, stamp=stamp)
+        if not 0.0 < passed < float("inf"):  # one that goes back or is no number says nothing, nor does the next
+            first = stamp if self.stamp is None and stamp is not None and np.isfinite(stamp) else None
+            return 1.0, self if first is self.stamp else replace(self, stamp=first)
         usual = passed if self.interval is None else self.interval
         follows = usual + _USUAL * (min(passed, 2.0 * usual) - usual)
         return min(passed / usual, _LONGEST), replace(self, stamp=stamp, interval=follows)
@@ -205,9 +206,9 @@ class ForwardFilter:
         if odometry is not None:
             tracks = self._driven(tracks, odometry)
             positions = tracks.sum(axis=0)
-        begun = float(entering.sum())
-        old = 1.0 - begun / (begun + (1.0 - ENDING) * float(self.positions.sum()))
-        hidden = old * (self.hidden * (1.0 - REVEALING) + (1.0 - self.hidden) * HIDING)
+        old = (1.0 - ENDING) * float(self.positions.sum())
+        known = old / (old + float(entering.sum())) if old > 0.0 else 0.0  # what begins is not hidden
+        hidden = known * (self.hidden * (1.0 - REVEALING) + (1.0 - self.hidden) * HIDING)
         lost = 1.0 - float(positions.sum())
         return replace(
             self, tracks=tracks, positions=positions, hidden=hidden, lost=lost, alone=self.alone * (lost / self.lost)

@@ -102,21 +102,12 @@ class Calibration:
         return Fit(float(at[0]) - slope_ * centre, slope_)
 
     def _ratios(self, margins: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """`ratios` of margins."""
+        """How many times as likely as off the map a query on it has each of these margins, with the right place as its
+        best, and with a wrong one."""
         half = np.maximum(self.curve.at(margins), _LEAST)
         right = np.maximum(self.on_map.at(margins), half)
         on_map = half / (right - half + _LEAST)  # half = right P(on the map | margin)
         return right * on_map, (1.0 - right) * on_map
-
-    def ratios(self, scores: Scores) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """How many times as likely as off the map a query on it has its margin, with the right place as its best, and
-        with a wrong one, float64 (n,) each; 1 and 0 where none matches, which tells nothing.
-
-        Args:
-            scores: Scores of single queries (n, places) by the decoder that was calibrated.
-        """
-        known, (right, wrong) = scores.any(axis=1), self._ratios(margin(scores))
-        return np.where(known, right, 1.0), np.where(known, wrong, 0.0)
 
     def probabilities(self, scores: Scores, off_map: float = HALF) -> NDArray[np.float64]:
         """How likely the best place of each query is the right one, float64 (n,); 0 where none matches.

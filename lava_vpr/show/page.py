@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import os
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -130,7 +131,7 @@ def write_page(text: str, target: Path) -> Path:
         InputError: the folder cannot be made or written.
     """
     content = text.encode("utf-8", "replace")
-    missing = [folder for folder in target.parents if not folder.exists()]
+    missing = [folder for folder in target.parents if not os.path.exists(folder)]
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(target, lambda file: file.write(content))

@@ -71,11 +71,7 @@ def test_the_prior_enters_by_bayes_rule(off_map: float) -> None:
     right, wrong = (1 - off_map) * 0.8 * np.exp(asked / 2) / 4, (1 - off_map) * 0.2
     found = calibration.probabilities(scores, off_map)
     assert found == pytest.approx(right / (right + wrong + off_map), abs=0.02)
-    of_right, of_wrong = calibration.ratios(scores)
-    again = (1 - off_map) * of_right / ((1 - off_map) * (of_right + of_wrong) + off_map)
-    assert found == pytest.approx(again, abs=1e-9)
-    nothing = np.zeros((1, 2))
-    assert (*calibration.ratios(nothing), calibration.probabilities(nothing, off_map)) == (1.0, 0.0, 0.0)
+    assert calibration.probabilities(np.zeros((1, 2)), off_map) == 0.0
 
 
 def test_margins_that_tell_nothing_give_half_of_the_right_a_chance() -> None:

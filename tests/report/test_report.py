@@ -146,16 +146,6 @@ def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monk
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "report.html"]
 
 
-def test_an_interrupted_report_leaves_no_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def stopped(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(os, "fsync", stopped)
-    with pytest.raises(KeyboardInterrupt):
-        write_page("new", tmp_path / "deep" / "deeper" / "report.html")
-    assert not list(tmp_path.iterdir())
-
-
 def test_large_maps_stay_below_eight_megabytes() -> None:
     n = 1000
     rng = np.random.default_rng(1)
