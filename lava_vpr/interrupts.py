@@ -56,8 +56,9 @@ def _stop(number: int, frame: FrameType | None) -> None:
         _now.stopped.append(number)
         raise StoppedError
     elif number == signal.SIGINT:
-        with suppress(OSError):
-            os.write(2, b"\nAborted!\n")
+        if not _now.stopped:  # else it is told already
+            with suppress(OSError):
+                os.write(2, b"\nAborted!\n")
         os._exit(1)
     else:
         _die_of(number)

@@ -239,6 +239,14 @@ def test_told_to_stop_when_its_work_is_over(here: Path, number: int) -> None:
     assert not ended.left
 
 
+def test_told_again_when_its_work_is_over(here: Path) -> None:
+    """What was told is not told twice."""
+    late = IN_A_CLASS.replace("from lava_vpr.__main__ import run\nrun()\n", AT_FINISH)
+    program = [sys.executable, "-c", late, *[str(int(signal.SIGINT))] * 2]
+    ended = surroundings.run(here, "eval", "m.lvpr", "query", "--report", "r", program=program)
+    assert (ended.code, ended.err, ended.made, ended.left) == (1, "\nAborted!\n", [], [])
+
+
 @pytest.mark.quick(1)
 @pytest.mark.parametrize("number", EACH)
 def test_told_to_stop_when_all_is_done(here: Path, number: int) -> None:
