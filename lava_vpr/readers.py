@@ -8,6 +8,7 @@ index on a stored source; `lava_vpr.watch` takes the frames of any as they come.
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -324,7 +325,12 @@ def _reader_of(path: Path) -> Reader:
     try:
         path.stat()
     except OSError as error:
-        raise InputError(f"{shown(path)}: cannot be opened ({error.strerror}); check the path") from None
+        remedy = "check the path"
+        if re.match("[a-z0-9]{2,}:/", str(path)):  # a path has lost the second slash
+            remedy = "nothing is fetched from a network; download it first"
+        elif path.name.isdecimal():
+            remedy = f"check the path; a camera is camera:{path.name}"
+        raise InputError(f"{shown(path)}: cannot be opened ({error.strerror}); {remedy}") from None
     row = _first(lambda row: row.takes(path))
     if row is not None:
         return row

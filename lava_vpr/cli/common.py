@@ -97,7 +97,13 @@ class Number(click.FloatRange):
     """A number in a range. What is no number, or is infinite, is refused, too: it would pass every comparison."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        number = float(super().convert(value, param, ctx))
+        try:
+            number = float(super().convert(value, param, ctx))
+        except click.BadParameter as error:
+            number = float(click.FLOAT.convert(value, param, ctx))
+            if self.max is not None and self.max <= 1 < number <= 100:
+                self.fail(f"{error.message} (as a share, {number:g} % is {number / 100:g})", param, ctx)
+            raise
         if not math.isfinite(number):
             name = param.opts[0] if param is not None else "the value"
             self.fail(f"{name} is {'not a number' if math.isnan(number) else 'infinite'}", param, ctx)

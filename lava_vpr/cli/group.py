@@ -49,6 +49,17 @@ class OneLineGroup(click.Group):
             failure.show()
             sys.exit(failure.exit_code)
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """See `click.Group`; a command that is misspelt is named."""
+        from difflib import get_close_matches
+
+        near = get_close_matches(args[0], self.list_commands(ctx), n=1)
+        if near and self.get_command(ctx, args[0]) is None and not ctx.resilient_parsing:
+            ctx.fail(f"No such command {brief(args[0])}. Did you mean {near[0]!r}?")
+        return super().resolve_command(ctx, args)
+
     def invoke(self, ctx: click.Context) -> Any:
         notes, logger = _Notes(), logging.getLogger("lava_vpr")
         logger.addHandler(notes)

@@ -93,6 +93,12 @@ DATA: list[tuple[dict[str, bytes | str | None], str, str]] = [
     ({"e.lvpr": ""}, "eval e.lvpr query", "e.lvpr: the file is empty"),
     ({}, "eval m.lvpr none", "none: cannot be opened"),
     (
+        {},
+        "eval m.lvpr https://a.org/b",
+        "https:/a.org/b: cannot be opened (No such file or directory); nothing is fetched",
+    ),
+    ({}, "query m.lvpr 0", "0: cannot be opened (No such file or directory); check the path; a camera is camera:0"),
+    (
         {"query/img9.png": PICTURE},
         "eval m.lvpr query",
         "query: has 7 queries, the references 6: nothing says which place",
@@ -200,6 +206,11 @@ def test_bad_data_is_told_in_one_line(
 USAGE = [
     ("", "Usage:"),
     ("learn ref", "No such command 'learn'"),
+    ("trian ref", "No such command 'trian'. Did you mean 'train'?"),
+    (
+        "query m.lvpr query --target-precision 95",
+        "95.0 is not in the range 0.01<=x<=0.9999. (as a share, 95 % is 0.95)",
+    ),
     ("train -o n.lvpr", "Missing argument 'REFERENCE...'"),
     ("train ref", "Missing option '-o'"),
     ("train ref -o n.lvpr --places 5", "'5' is not of the form A:B, for instance 0:100"),

@@ -170,7 +170,9 @@ def quantise(weights: NDArray[np.float64], network: LifNetwork, shown: Sequence[
     learned = integers.any(axis=0)
     unit = float((own_drives(integers, shown) - drives)[learned].mean()) if learned.any() else 0.0
     if not unit > 0:
-        raise ConfigError("no neuron is driven by its own place; check learning.eta and the reference images")
+        raise ConfigError(
+            "no neuron is driven by its own place; check that the reference images differ, and learning.eta"
+        )
     fixed = scaled(network, integers, unit)
     fixed = replace(fixed, bias=biases_of(drives, fixed.safe_bias))
     fixed.check()
