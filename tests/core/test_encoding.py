@@ -144,6 +144,7 @@ def test_threads_give_and_tell_the_same(
     assert well.count(True) >= 3
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_threads_end_when_the_program_is_stopped() -> None:
     read: list[int] = []
 
