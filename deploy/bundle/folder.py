@@ -274,7 +274,7 @@ def _manifest(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise BundleError(
             f"{shown(path)}: holds no {MANIFEST}, so it is no bundle; give a model file or a folder written by "
-            "`lava-vpr deploy`, and images after it"
+            "`lava-vpr deploy`, before any images"
         ) from None
     except OSError as error:
         raise BundleError(f"{file}: cannot be read ({error.strerror}); check it and its permissions") from None

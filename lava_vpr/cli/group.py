@@ -53,12 +53,15 @@ class OneLineGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """See `click.Group`; a command that is misspelt is named."""
-        from difflib import get_close_matches
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            from difflib import get_close_matches  # only who errs waits for it
 
-        near = get_close_matches(args[0], self.list_commands(ctx), n=1)
-        if near and self.get_command(ctx, args[0]) is None and not ctx.resilient_parsing:
-            ctx.fail(f"No such command {brief(args[0])}. Did you mean {near[0]!r}?")
-        return super().resolve_command(ctx, args)
+            near = get_close_matches(args[0], self.list_commands(ctx), n=1)
+            if near:
+                ctx.fail(f"{error.message} Did you mean {near[0]!r}?")
+            raise
 
     def invoke(self, ctx: click.Context) -> Any:
         notes, logger = _Notes(), logging.getLogger("lava_vpr")
@@ -132,11 +135,11 @@ def _check_opencv() -> None:
     without = {name: value for name, value in os.environ.items() if not name.startswith("OPENCV_")}
     try:
         tried = run_child([sys.executable, "-c", words], seconds=60)
-        starts = not tried.code or run_child([sys.executable, "-c", words], seconds=60, environment=without).code
+        if not tried.code or run_child([sys.executable, "-c", words], seconds=60, environment=without).code:
+            return
     except (OSError, SubprocessError):
         return
-    if not starts:
-        raise ConfigError(f"OpenCV cannot start ({tried.last}); correct or unset its variables: {', '.join(told)}")
+    raise ConfigError(f"OpenCV cannot start ({tried.last}); correct or unset its variables: {', '.join(told)}")
 
 
 @contextmanager
