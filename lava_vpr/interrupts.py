@@ -41,8 +41,10 @@ class _SignalState:
         self.depth = 0  # blocks of `held` that we are in
         self.begun = True  # False: most of what a command needs is still to be loaded
         self.working = True  # False: there is nothing that would have to be ended in good order
+        self.telling = False  # True: what stopped the program is told just now
         self.waiting: list[int] = []  # signals that are held back
         self.stopped: list[int] = []  # signals that stopped the program
+        self.lost: list[int] = []  # signals that stopped nothing, and come again
 
 
 _now = _SignalState()
@@ -50,7 +52,9 @@ _now = _SignalState()
 
 def _stop(number: int, frame: FrameType | None) -> None:
     """Unwind the program; or end it at once if it is doing nothing; or take note if it is not to be disturbed."""
-    if _now.depth:
+    if _now.telling:
+        pass
+    elif _now.depth:
         _now.waiting.append(number)
     elif _now.working:
         _now.stopped.append(number)
@@ -86,11 +90,21 @@ def install() -> None:
 def _unraisable(what: sys.UnraisableHookArgs) -> None:
     """Be silent about what an interrupt breaks where nothing can be raised; one that was lost there comes again."""
     if _now.stopped and isinstance(what.exc_value, StoppedError):
-        again = threading.Timer(SOON, os.kill, (os.getpid(), _now.stopped.pop()))
-        again.daemon = True
-        again.start()
+        _now.lost.append(_now.stopped.pop())
+        if len(_now.lost) == 1:
+            again = threading.Timer(SOON, _come_again)
+            again.daemon = True
+            again.start()
     elif not _now.stopped:  # else it was made by half
         sys.__unraisablehook__(what)
+
+
+def _come_again() -> None:
+    """Send the first signal that was lost, unless another one stops the program by now: it would disturb that."""
+    number = _now.lost[0]
+    _now.lost.clear()
+    if not _now.stopped:
+        os.kill(os.getpid(), number)
 
 
 def begin() -> None:
@@ -103,9 +117,14 @@ def begun() -> bool:
     return _now.begun
 
 
+def tell() -> None:
+    """Let no further signal cut short what is told of the one that stopped the program, if `install` was called."""
+    _now.telling = any(signal.getsignal(number) is _stop for number in SIGNALS)
+
+
 def over() -> None:
     """Work is over: from now on a signal ends the program at once."""
-    _now.working = False
+    _now.working = _now.telling = False
 
 
 @contextmanager

@@ -146,8 +146,9 @@ def _cache_class() -> Any:
             """See there, whose refreshing of the context takes .3 s of imports that only compiling needs."""
             found = None
             try:
-                rtsys.initialize(target_context)
-                found = self._load_overload(sig, target_context)
+                with held():  # LLVM would free twice what is loaded by half
+                    rtsys.initialize(target_context)
+                    found = self._load_overload(sig, target_context)
             except Exception:  # a damaged pickle may raise anything
                 with contextlib.suppress(OSError), held():
                     self.flush()

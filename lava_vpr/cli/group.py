@@ -72,6 +72,9 @@ class OneLineGroup(click.Group):
                 check_variables()
                 _check_opencv()
                 return super().invoke(ctx)
+        except KeyboardInterrupt:
+            interrupts.tell()
+            raise
         except UsageError as error:
             name = ctx.invoked_subcommand or ""
             command = self.get_command(ctx, name) or self

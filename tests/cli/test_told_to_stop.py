@@ -22,10 +22,16 @@ from support.common.surroundings import AT_IMPORT, QUERY, done
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 EACH = (signal.SIGINT, signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.slow))
 
-# The command line, but the signal comes in the middle of a kernel's compilation, twice, where nothing can be raised.
+# The command line, but the signal comes in the middle of a kernel's compilation, twice, where nothing can be raised;
+# and what it has to say takes its time.
 AT_COMPILATION = """
-import os, sys
-number = int(sys.argv.pop(1))
+import os, sys, time
+import click.core
+number, echo = int(sys.argv.pop(1)), click.core.echo
+def slow(*what, **how):
+    time.sleep(0.2)
+    echo(*what, **how)
+click.core.echo = slow
 from numba.core import dispatcher
 whole = dispatcher.Dispatcher.compile
 class Lost:
@@ -33,7 +39,8 @@ class Lost:
         os.kill(os.getpid(), number)
         print(end="")
 def compile(self, *what):
-    Lost()
+    for _ in range(2):
+        Lost()
     return whole(self, *what)
 dispatcher.Dispatcher.compile = compile
 from lava_vpr.__main__ import run
