@@ -214,11 +214,12 @@ def encoded_batches(
     first: int | None = None,
     standard: Standard | None = None,
     threads: int = 1,
+    keep: Keep = Keep.NOTHING,
 ) -> Iterator[tuple[EncodedTraverse, ...]]:
     """`encode_views` for ``size`` images at a time, in order; a batch is encoded when it is asked for.
 
     Args:
-        traverse, encoder, views, progress, standard, threads: As in `encode_views`.
+        traverse, encoder, views, progress, standard, threads, keep: As in `encode_views`.
         size: Images in a batch, but for the last.
         first: Images in the first batch, if those shall be fewer; each is twice as large as the one before, up to
             ``size``.
@@ -231,7 +232,7 @@ def encoded_batches(
     while start < len(traverse):
         part = traverse.take(range(start, min(start + count, len(traverse))))
         own = partial(lambda start, i: read(start + i), start)
-        yield _encoded(part.names, part.indices, own, encoder, views, Keep.NOTHING, progress, standard, threads)
+        yield _encoded(part.names, part.indices, own, encoder, views, keep, progress, standard, threads)
         start, count = start + count, min(2 * count, size)
 
 

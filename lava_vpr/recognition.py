@@ -18,7 +18,7 @@ from lava_vpr.backends.interface import Advance, Backend, Events, HostBackend, P
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.backends.rivals import Rivals, Scored, chosen as rivals_of, decoded, descriptor_similarities
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
-from lava_vpr.encoding import EncodedTraverse, encoded_batches
+from lava_vpr.encoding import EncodedTraverse, Keep, encoded_batches
 from lava_vpr.engine.adaptation import Adaptation, Motion
 from lava_vpr.matching import sequences
 from lava_vpr.matching.answers import ALONE, Answerer, Answers, Followed, Held, InBlocks, Together, follow, hold
@@ -112,11 +112,13 @@ class Answered(NamedTuple):
         images: The queries.
         answers: What the model says of each.
         counts: Their spike counts, int32 (n, neurons).
+        thumbnails: The queries as pages show them, uint8 (n, 48, 64, 3) BGR; None unless they were to be kept.
     """
 
     images: Traverse
     answers: Answers
     counts: NDArray[np.int32]
+    thumbnails: NDArray[np.uint8] | None = None
 
 
 def answer_stream(
@@ -132,6 +134,7 @@ def answer_stream(
     at_once: bool = False,
     read: Advance | None = None,
     advance: Advance | None = None,
+    keep: Keep = Keep.NOTHING,
 ) -> Iterator[Answered]:
     """Answer the images of a traverse, some at a time: however many they are, few are in memory.
 
@@ -151,6 +154,7 @@ def answer_stream(
             slow to start.
         read: Told how many more images are read.
         advance: Told how many more queries a slow backend has run.
+        keep: `Keep.THUMBNAILS`, if they are wanted.
     Raises:
         LavaVprError: an image cannot be read, the sequence exceeds the places, or the backend cannot run.
     """
@@ -167,13 +171,14 @@ def answer_stream(
         1 if at_once and calls == 1 else None,
         model.standard,
         threads,
+        keep,
     )
     asker, first = Asker(model, asking, seed), 0
-    shown = (asker.presentations(batch) for batch in batches)
+    shown = ((batch[0].thumbnails, asker.presentations(batch)) for batch in batches)
     while group := list(islice(shown, calls)):
-        counts, _ = chosen.count_spikes(model, Presentations.joined(group))
-        ends = np.cumsum([len(some.rates) for some in group])
-        for of_batch, asked in zip(np.split(counts, ends[:-1]), group, strict=True):
+        counts, _ = chosen.count_spikes(model, Presentations.joined([asked for _, asked in group]))
+        ends = np.cumsum([len(asked.rates) for _, asked in group])
+        for of_batch, (thumbnails, asked) in zip(np.split(counts, ends[:-1]), group, strict=True):
             some = summed(of_batch, asking.views)
             part = traverse.take(range(first, first + len(some)))
             moving = None if together.motion == NONE else motion.moving(asked.rates[: len(some)])
@@ -181,7 +186,7 @@ def answer_stream(
             if pace is not None:
                 pace.update(scores)
             state, answers = state.step(scores, moving, stamps=part.stamps)
-            yield Answered(part, answers, some)
+            yield Answered(part, answers, some, thumbnails)
             first += len(some)
 
 

@@ -249,7 +249,7 @@ def show_results(
     return [item for item in items if isinstance(item, Table)]
 
 
-SILENT = ("json_path", "csv_path", "report_folder", "jobs", "address", "keep")
+SILENT = ("json_path", "csv_path", "report_folder", "output", "bag", "jobs", "address", "keep")
 """Parameters that a report does not repeat: they change nothing of what it says."""
 
 
@@ -263,7 +263,7 @@ def command_line(ctx: click.Context) -> str:
         if isinstance(param.type, Parsed):
             value = tuple(map(param.type.written, value)) if param.multiple else param.type.written(value)
         values = value if isinstance(value, tuple) else (value,)
-        sources = ("query", "references", "stamps")
+        sources = ("query", "images", "references", "stamps")
         shown = [Path(v).name if isinstance(v, Path) or param.name in sources else str(v) for v in values]
         if isinstance(param, click.Argument):
             words += shown

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
-import sys
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import click
 import numpy as np
@@ -21,8 +19,6 @@ from lava_vpr.backends.asking import Asking, calibration_of, open_model
 from lava_vpr.backends.interface import Advance
 from lava_vpr.cli.common import (
     PATH,
-    console,
-    counted,
     motion_option,
     noun,
     off_map_option,
@@ -40,8 +36,8 @@ from lava_vpr.cli.nouns import (
     places_option,
     query_positions_options,
 )
-from lava_vpr.cli.outputs import Outputs, text_writer, write_stdout
 from lava_vpr.cli.show.matches import MatchTable, Row, sentences
+from lava_vpr.cli.streams import Asked, Writing, writing_options
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError, shown
@@ -54,57 +50,12 @@ from lava_vpr.model import Model
 from lava_vpr.recognition import Answered, answer_stream
 from lava_vpr.traverse import Traverse, open_traverse
 
-STDOUT = Path("-")
-"""The name of standard output; a file of this name is ``./-``."""
 SHOWN: dict[str, Callable[[MatchTable, Row, float], str]] = {
     "csv": lambda table, row, least: table.csv(row),
     "jsonl": lambda table, row, least: table.json(row),
     "sentence": sentences,
 }
 """The text of a query: by the table, from its row, where a match is accepted from some probability on."""
-
-
-@dataclass(frozen=True)
-class Writing:
-    """What is to be written, and where.
-
-    Attributes:
-        output: The file, or `STDOUT`; None: none is named.
-        form: A row of `SHOWN`; None: by the file's name.
-        top: How many of the best places of each image are named.
-        bag: Folder of a ROS 2 bag; None: none is wanted.
-    """
-
-    output: Path | None
-    form: str | None
-    top: int
-    bag: Path | None
-
-    @property
-    def file(self) -> Path | None:
-        """The file; None: standard output."""
-        return None if self.output == STDOUT else self.output
-
-    @property
-    def silent(self) -> bool:
-        """Whether lines go to a terminal, where a bar would stand between them."""
-        return self.file is None and sys.stdout.isatty()
-
-    def outputs(self, motion: str, **inputs: Any) -> Outputs:
-        """The outputs beside their ``inputs``; a bag needs a ``motion``."""
-        if self.bag is None:
-            return Outputs((self.file,), **inputs)
-        if motion == NONE:
-            raise click.UsageError("--bag has the covariance of what is believed; give --motion any or forward, too")
-        return Outputs((self.file,), folders=(self.bag,), **inputs)
-
-    def form_of(self, images: int) -> str:
-        """The row of `SHOWN`: one of the ``images``, and no output named, is shown in words."""
-        if self.form is not None:
-            return self.form
-        if self.output is None and images == 1:
-            return "sentence"
-        return "jsonl" if self.file is not None and self.file.suffix.lower() == ".jsonl" else "csv"
 
 
 @dataclass(frozen=True)
@@ -137,40 +88,7 @@ class Accepting:
 @click.command(cls=OneSource)
 @click.argument("model_path", metavar="MODEL", type=PATH)
 @click.argument("images", type=str)
-@noun(
-    "writing",
-    Writing,
-    click.option(
-        "-o",
-        "--output",
-        type=PATH,
-        default=None,
-        metavar="matches.csv",
-        help="File to write, or - for standard output (default: standard output; of one image, a sentence).",
-    ),
-    click.option(
-        "--format",
-        "form",
-        type=click.Choice(("csv", "jsonl")),
-        default=None,
-        help="Lines of CSV or of JSON (default: csv, unless the file's name ends in .jsonl).",
-    ),
-    click.option(
-        "--top",
-        type=click.IntRange(1, 1000),
-        default=1,
-        show_default=True,
-        metavar="K",
-        help="Name the K best places of each image, too.",
-    ),
-    click.option(
-        "--bag",
-        type=PATH,
-        default=None,
-        metavar="FOLDER",
-        help="Write a ROS 2 bag, too: /initialpose, and rtabmap's posterior and links; with --motion.",
-    ),
-)
+@writing_options
 @places_option("Images A..B-1 only (default: all).")
 @every_option
 @asking_options
@@ -231,12 +149,12 @@ def query(
     pace = Pace() if sequence > 1 else None
     answer = partial(answer_stream, model, traverse, backend=backend, together=together, asking=asking, seed=seed)
     with query_progress(traverse.source, backend, len(traverse), silent=writing.silent) as (read, advance):
-        stream = answer(threads=cores(), pace=pace, at_once=writing.file is None, read=read, advance=advance)
+        how = partial(answer, threads=cores(), pace=pace, keep=writing.keep)
+        stream = how(at_once=writing.lines, read=read, advance=advance)
         recognised = _write(model, traverse, stream, table, together, writing, accepting)
     if pace is not None and (contradiction := pace.contradiction(sequence)) is not None:
         stderr.print(f"warning: {contradiction}")
-    if writing.file is not None:
-        console.print(f"{counted(len(traverse))}, {recognised} recognised: {shown(writing.file)}")
+    writing.conclude(len(traverse), recognised)
 
 
 def _checked(model: Model, asking: Asking, where: WhereOptions, backend: str) -> Model:
@@ -264,33 +182,24 @@ def _write(
     """Write the rows of the queries as they are answered; how many were recognised."""
     form, least, recognised = writing.form_of(len(traverse)), accepting.least(together), 0
     unfollowed = Unfollowed()
-    to = nullcontext(write_stdout) if writing.file is None else text_writer(writing.file)
-    with ExitStack() as waiting, to as write, _bag(writing.bag, model, traverse) as write_bag:
+    asked = Asked(model, traverse, together, least)
+    with ExitStack() as waiting, writing.takers(asked) as take, writing.rows() as write:
         write(table.csv_header() if form == "csv" else "")
         if writing.silent:
             waiting.enter_context(stage(f"reading {traverse.source}"))
-        for done, answers, counts in stream:
-            good = accepting.of(answers, least)
+        for some in stream:
+            done, answers, good = some.images, some.answers, accepting.of(some.answers, least)
             recognised += int(good.sum())
             waiting.close()
             found = matches_of(
-                model, answers, good, counts, radius=together.radius, top=writing.top, stamps=done.stamps
+                model, answers, good, some.counts, radius=together.radius, top=writing.top, stamps=done.stamps
             )
-            write_bag(done, answers, found)
+            take(some, found)
             unfollowed.add(*found)
             write("".join(SHOWN[form](table, row, least) for row in table.rows(done, answers, found)))
     if unfollowed.said is not None:
         stderr.print(f"warning: {unfollowed.said}")
     return recognised
-
-
-def _bag(path: Path | None, model: Model, traverse: Traverse) -> AbstractContextManager[Any]:
-    """What writes the bag at ``path``; None: nothing is written."""
-    if path is None:
-        return nullcontext(lambda *answered: None)
-    from lava_vpr.exchange.bags import bag_writer  # only who wants a bag waits for it
-
-    return bag_writer(path, model, traverse)
 
 
 @contextmanager

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,11 +13,14 @@ from lava_vpr.encoding import EncodedTraverse, query_rates16
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.inputs.encoder import INPUTS, Keep
+from lava_vpr.matching.answers import Answers
 from lava_vpr.model import Model, as_integer
 from lava_vpr.positions.frames import joined
 from lava_vpr.recognition import Recognition
+from lava_vpr.report.answers import AnswersData
 from lava_vpr.report.data import MapData, Raster, ReportData
-from lava_vpr.truth.alignment import PositionErrors
+from lava_vpr.traverse import Traverse
+from lava_vpr.truth.alignment import NEAR_M, Located, PositionErrors
 
 PICTURED = ("sad", "cosine")
 """Baselines whose scores are drawn beside the default decoder's; figures and curves are of all."""
@@ -73,18 +78,69 @@ def report_data(
         seen={name: sees for name, sees in BASELINES.items() if name in result.metrics},
         place_numbers=tuple(int(k) for k in model.place_indices[:places]),
         query_numbers=tuple(int(k) for k in queries.indices[:n]),
-        map=None if errors is None else map_of(errors, n, places),
+        map=None if errors is None else map_of(errors.located, n, places, errors.in_words()),
         trust=result.trust,
         followed=result.followed,
     )
 
 
-def map_of(errors: PositionErrors, queries: int, places: int) -> MapData:
-    """Where the first so many queries and places were taken, from the middle of them all."""
-    located = errors.located
+def answers_data(
+    model: Model,
+    queries: Traverse,
+    answers: Answers,
+    accepted: NDArray[np.bool_],
+    thumbnails: NDArray[np.uint8],
+    least: float,
+    command: str,
+    summary: Mapping[str, str],
+) -> AnswersData:
+    """Everything that the page of ``query`` shows.
+
+    Args:
+        model: The model that answered.
+        queries: The n queries.
+        answers: Its answers to them.
+        accepted: Which are accepted, bool (n,).
+        thumbnails: The queries, small, uint8 (n, h, w, 3) BGR.
+        least, command, summary: As in `AnswersData`.
+    """
+    return AnswersData(
+        command,
+        summary,
+        queries.names,
+        queries.indices,
+        thumbnails,
+        model.place_names,
+        model.place_indices,
+        model.thumbnails,
+        answers.matches,
+        accepted,
+        answers.probability,
+        answers.confidence,
+        least,
+        answers.off_map,
+        answers.followed,
+        _answers_map(model, queries, answers),
+    )
+
+
+def _answers_map(model: Model, queries: Traverse, answers: Answers) -> MapData | None:
+    """Where places were taken, and queries: at their matches, if nobody says more of them."""
+    places, matches = model.whereabouts, answers.matches
+    if places is None:
+        return None
+    if queries.positions is None:
+        return map_of(Located(places, places.take(np.maximum(matches, 0))), len(matches), model.places, "")
+    located = Located.of(places, queries.positions, queries.source)
+    errors = PositionErrors(located, located.errors(matches), NEAR_M)
+    return map_of(located, len(matches), model.places, errors.in_words())
+
+
+def map_of(located: Located, queries: int, places: int, figures: str) -> MapData:
+    """Where the first so many queries and places were taken, from the middle of them all, with ``figures``."""
     points = joined([located.places.take(slice(places)), located.queries.take(slice(queries))]).plane()
     points = points - (points.min(axis=0) + points.max(axis=0)) / 2  # eastings and northings are long numbers
-    return MapData(points[:places], points[places:], errors.in_words())
+    return MapData(points[:places], points[places:], figures)
 
 
 def _chosen(result: Recognition) -> NDArray[np.int64]:

@@ -136,5 +136,5 @@ def page(data: ReportData) -> str:
         Section("cost", "Cost", [sections.cost(data)]),
         Section("setup", "Configuration", [sections.setup(data)]),
     )
-    script = f"\n{text('report.js')}\n"
+    script = f"\n{text('sprite.js')}\n{text('report.js')}\n"
     return sheet(data.title, _header(data), parts, style=sheet_style, payload=_payload(data, sheets), script=script)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -35,23 +35,49 @@ def shrunk(image: NDArray[np.uint8], longest: int) -> NDArray[np.uint8]:
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
 
 
-def contact_sheet(images: NDArray[np.uint8], budget: int = 2_000_000) -> tuple[str, int, int]:
-    """All ``images`` (n, h, w, 3) side by side in one JPEG of at most about ``budget`` pixels.
+class ContactSheet(NamedTuple):
+    """Images side by side in one JPEG, row by row.
 
-    Returns:
-        Its ``data:`` URI, its columns and its rows.
+    Attributes:
+        uri: Its ``data:`` URI.
+        columns, rows: Images in a row, and in a column.
+        shape: Height and width of each image, before it was made smaller.
     """
+
+    uri: str
+    columns: int
+    rows: int
+    shape: tuple[int, int]
+
+    def style(self, selector: str) -> str:
+        """Style of an element that shows one of them, at its ``background-position``."""
+        height, width = self.shape
+        return (
+            f"{selector}{{background-image:url({self.uri});background-size:{100 * self.columns}% {100 * self.rows}%;"
+            f"aspect-ratio:{width}/{height}}}"
+        )
+
+
+_PIXELS, _CHARACTERS = 2_000_000, 500_000
+
+
+def contact_sheet(images: NDArray[np.uint8]) -> ContactSheet:
+    """All ``images`` (n, h, w, 3) in one JPEG of at most about `_PIXELS` pixels and `_CHARACTERS` characters."""
     count, height, width = images.shape[:3]
     columns = max(1, math.ceil(math.sqrt(count * height / width)))
     rows = max(1, math.ceil(count / columns))
-    factor = min(1.0, math.sqrt(budget / max(1, count * height * width)))
-    tile = (max(1, int(width * factor)), max(1, int(height * factor)))
-    sheet = np.zeros((rows * tile[1], columns * tile[0], 3), dtype=np.uint8)
-    for i, image in enumerate(images):
-        y, x = (i // columns) * tile[1], (i % columns) * tile[0]
-        small = image if factor == 1 else cv2.resize(image, tile, interpolation=cv2.INTER_AREA)
-        sheet[y : y + tile[1], x : x + tile[0]] = small
-    return data_uri(sheet), columns, rows
+    factor = min(1.0, math.sqrt(_PIXELS / max(1, count * height * width)))
+    while True:
+        tile = (max(1, int(width * factor)), max(1, int(height * factor)))
+        sheet = np.zeros((rows * tile[1], columns * tile[0], 3), dtype=np.uint8)
+        for i, image in enumerate(images):
+            y, x = (i // columns) * tile[1], (i % columns) * tile[0]
+            small = image if factor == 1 else cv2.resize(image, tile, interpolation=cv2.INTER_AREA)
+            sheet[y : y + tile[1], x : x + tile[0]] = small
+        uri = data_uri(sheet)
+        if len(uri) <= _CHARACTERS or tile == (1, 1):
+            return ContactSheet(uri, columns, rows, (height, width))
+        factor *= 0.95 * math.sqrt(_CHARACTERS / len(uri))
 
 
 def weight_image(weights: NDArray[Any], grid: int, points: int = 0) -> NDArray[np.uint8]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib
 import numpy as np
@@ -237,14 +237,35 @@ def _route(axes: Axes, places: NDArray[np.float64]) -> None:
     axes.plot(*places.T, "o", gid="places", color=THEME["muted"], markersize=2.6, markeredgewidth=0, zorder=2)
 
 
-def _queries(axes: Axes, data: MapData, matches: NDArray[np.integer[Any]], correct: NDArray[np.bool_]) -> None:
-    """The queries, each with a line to its match; shape and colour both tell whether that is right."""
+class Mark(NamedTuple):
+    """Queries that a drawing shows alike.
+
+    Attributes:
+        name: What they are.
+        colour: Colour variable.
+        marker: Their shape.
+        chosen: Which queries they are, bool (n_queries,).
+    """
+
+    name: str
+    colour: str
+    marker: str
+    chosen: NDArray[np.bool_]
+
+
+def held_marks(matches: NDArray[np.integer[Any]], correct: NDArray[np.bool_]) -> tuple[Mark, ...]:
+    """Queries that were held against the truth: shape and colour both tell whether a match is right."""
+    return (
+        Mark("missing", "muted", "s", matches < 0),
+        Mark("right", "right", "o", correct),
+        Mark("wrong", "wrong", "x", (matches >= 0) & ~correct),
+    )
+
+
+def _queries(axes: Axes, data: MapData, matches: NDArray[np.integer[Any]], marks: Sequence[Mark]) -> None:
+    """The queries, each with a line to its match."""
     size = 4.2 if len(matches) <= 250 else 2.6
-    for name, colour, marker, chosen in (
-        ("missing", "muted", "s", matches < 0),
-        ("right", "right", "o", correct),
-        ("wrong", "wrong", "x", (matches >= 0) & ~correct),
-    ):
+    for name, colour, marker, chosen in marks:
         if name != "missing":
             ends = np.stack([data.queries[chosen], data.places[matches[chosen]]], axis=1)
             axes.add_collection(
@@ -263,13 +284,13 @@ def _queries(axes: Axes, data: MapData, matches: NDArray[np.integer[Any]], corre
 
 
 @themed()
-def route_map(data: MapData, matches: NDArray[np.integer[Any]], correct: NDArray[np.bool_], label: str) -> str:
+def route_map(data: MapData, matches: NDArray[np.integer[Any]], marks: Sequence[Mark], label: str) -> str:
     """The map as SVG, north or y upwards, both axes in metres to one scale.
 
     Args:
         data: Where places and queries were taken.
         matches: Place of each query, -1 for none, int (n_queries,).
-        correct: Which of them are right, bool (n_queries,).
+        marks: How queries are drawn; those named ``missing`` have no line to a match.
         label: What the drawing says, for who does not see it.
     """
     low, high = _spans(data)
@@ -279,9 +300,43 @@ def route_map(data: MapData, matches: NDArray[np.integer[Any]], correct: NDArray
     figure = canvas(_WIDTH, tall)
     axes = gridded(figure, (0.065, 42 / tall, 0.925, box[1] / tall))
     _route(axes, data.places)
-    _queries(axes, data, matches, correct)
+    _queries(axes, data, matches, marks)
     (left, bottom), (right, top) = (middle - half).tolist(), (middle + half).tolist()
     axes.set(xlim=(left, right), ylim=(bottom, top), xlabel="east, or x (m)", ylabel="north, or y (m)")
     axes.locator_params(nbins=7)
     axes.ticklabel_format(useOffset=False, style="plain")
     return to_svg(figure, "map", label)
+
+
+@themed()
+def followed_drive(
+    matches: NDArray[np.integer[Any]],
+    marks: Sequence[Mark],
+    off_map: NDArray[np.float64],
+    followed: NDArray[np.float64],
+    label: str,
+) -> str:
+    """A drive through the map: the place of each query, and below it what a forward filter believes besides.
+
+    Args:
+        matches: Number of the matched place of each query, -1 for none, int (n_queries,).
+        marks: How queries are drawn.
+        off_map: Probability that each query is off the map, float64 (n_queries,).
+        followed: Probability that the filter follows the robot there, float64 (n_queries,).
+        label: What the drawing says, for who does not see it.
+    """
+    figure = canvas(_WIDTH, 380)
+    axes, below = gridded(figure, (0.075, 0.4, 0.915, 0.58)), gridded(figure, (0.075, 0.13, 0.915, 0.2))
+    numbers = np.arange(len(matches))
+    for name, colour, marker, chosen in marks:
+        (line,) = axes.plot(numbers[chosen], matches[chosen], marker, gid=name, markersize=2.6)
+        line.set(markerfacecolor="none", markeredgecolor=THEME[colour])
+    below.plot(numbers, off_map, gid="off-map", color=THEME["wrong"], linewidth=1.4)
+    below.plot(numbers, followed, gid="followed", color=THEME["right"], linewidth=1.4, linestyle=(0, (4, 3)))
+    ends = (-0.5, len(matches) - 0.5)
+    axes.set(xlim=ends, ylabel="place")
+    axes.tick_params(labelbottom=False)
+    below.set(xlim=ends, ylim=(-0.04, 1.04), xlabel="image, in order", ylabel="probability")
+    for some in (axes, below):
+        some.locator_params(axis="x", nbins=8, integer=True)
+    return to_svg(figure, "drive", label)

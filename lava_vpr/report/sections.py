@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lava_vpr.matching.decoders import DECODERS, MATCHERS
 from lava_vpr.report.data import MapData, Raster, ReportData
 from lava_vpr.report.images import contact_sheet, data_uri, representatives, shrunk, strokes, weight_image
-from lava_vpr.report.plots import MATRIX_BOX, route_map, score_matrix, spike_raster
+from lava_vpr.report.plots import MATRIX_BOX, held_marks, route_map, score_matrix, spike_raster
 from lava_vpr.show.numbers import counted, is_number, named
 from lava_vpr.show.templates import render, safe
 
@@ -86,28 +86,43 @@ def _verdict(data: ReportData, query: int, place: int) -> tuple[str, str]:
 
 def _route_drawing(data: ReportData, correct: NDArray[np.bool_]) -> str:
     """Confidence of every query as bars, with the threshold above which no match is wrong."""
-    heights = np.nan_to_num(data.confidence.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
-    floor = min(0.0, float(heights.min(initial=0.0)))
-    # Distances are negative confidences: bars then grow from the worst one up.
-    span = float(heights.max(initial=0.0)) - floor
-    # 0.03: a query without any confidence is still there to be pointed at.
-    tops = 0.03 + 0.95 * (heights - floor) / span if span > 0 else np.full(len(heights), 0.03)
-    bars = []
-    for query, top in enumerate(tops.tolist()):
-        kind = "n" if data.matches[query] < 0 else "r" if correct[query] else "w"
-        bars.append(f'<rect class="{kind}" x="{query + 0.08:g}" y="{100 - 100 * top:.4g}" width=".84" '
-                    f'height="{100 * top:.4g}"/>')  # fmt: skip
-        if kind == "w":
-            bars.append(f'<path class="w" d="M{query + 0.1:g} 107h.8l-.4-5z"/>')
-    wrong = (data.matches >= 0) & ~correct
-    line = ""
-    if wrong.any():
-        y = f"{100 - 100 * float(tops[wrong].max()):.4g}"
-        line = f'<line x1="0" x2="{len(tops)}" y1="{y}" y2="{y}"/>'
+    tops, wrong = heights(data.confidence), (data.matches >= 0) & ~correct
+    kinds = np.where(data.matches < 0, "n", np.where(correct, "r", "w"))
     alt = f"Confidence of {len(tops)} queries, {int(correct.sum())} of them right"
+    return bars(tops, kinds, float(tops[wrong].max()) if wrong.any() else None, alt)
+
+
+def heights(confidence: NDArray[Any]) -> NDArray[np.float64]:
+    """Confidence (n,) as heights of `bars`, float64 (n,): the surest is .98 high."""
+    values = np.nan_to_num(confidence.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
+    floor = min(0.0, float(values.min(initial=0.0)))
+    # Distances are negative confidences: bars then grow from the worst one up.
+    span = float(values.max(initial=0.0)) - floor
+    # 0.03: a query without any confidence is still there to be pointed at.
+    return 0.03 + 0.95 * (values - floor) / span if span > 0 else np.full(len(values), 0.03)
+
+
+def bars(tops: NDArray[np.float64], kinds: NDArray[np.str_], line: float | None, alt: str) -> str:
+    """A bar for every query, in order.
+
+    Args:
+        tops: Heights, 0 to 1, float64 (n_queries,).
+        kinds: Class of each: ``r``, ``w`` (with a mark below) or ``n``.
+        line: Height of a line through all; None: there is none.
+        alt: What the drawing says, for who does not see it.
+    """
+    drawn = []
+    for query, (kind, top) in enumerate(zip(kinds.tolist(), tops.tolist(), strict=True)):
+        drawn.append(f'<rect class="{kind}" x="{query + 0.08:g}" y="{100 - 100 * top:.4g}" width=".84" '
+                     f'height="{100 * top:.4g}"/>')  # fmt: skip
+        if kind == "w":
+            drawn.append(f'<path class="w" d="M{query + 0.1:g} 107h.8l-.4-5z"/>')
+    if line is not None:
+        y = f"{100 - 100 * line:.4g}"
+        drawn.append(f'<line x1="0" x2="{len(tops)}" y1="{y}" y2="{y}"/>')
     return (
         f'<svg class="route" viewBox="0 0 {max(1, len(tops))} 108" preserveAspectRatio="none" role="img" '
-        f'aria-label="{alt}"><rect class="now" x="0" y="0" width="1" height="108"/>{"".join(bars)}{line}'
+        f'aria-label="{alt}"><rect class="now" x="0" y="0" width="1" height="108"/>{"".join(drawn)}'
         f'<rect class="hit" x="0" y="0" width="{len(tops)}" height="108"/></svg>'
     )
 
@@ -118,26 +133,26 @@ def route(data: ReportData, correct: NDArray[np.bool_]) -> tuple[str, dict[str, 
     Returns:
         The section, what its script needs to find images, and the style that holds these.
     """
-    queries, columns, rows = contact_sheet(data.query_thumbnails)
-    places, place_columns, place_rows = contact_sheet(data.place_thumbnails)
-    values = {
-        "querySheet": [columns, rows],
-        "placeSheet": [place_columns, place_rows],
-        "matrixBox": list(MATRIX_BOX),
-    }
-    frames = []
-    for key, images in (("query", data.query_thumbnails), ("match", data.place_thumbnails), ("truth", None)):
-        height, width = (data.place_thumbnails if images is None else images).shape[1:3]
-        frames.append(
-            f'<figure><div class="sheet" id="browse-{key}" role="img" aria-label="" '
-            f'style="aspect-ratio:{width}/{height}"></div><figcaption id="browse-{key}-name"></figcaption></figure>'
-        )
-    style = (
-        f"#browse-query{{background-image:url({queries})}}#browse-match,#browse-truth{{background-image:url({places})}}"
+    values, style = sheets(data.query_thumbnails, data.place_thumbnails)
+    frames = "".join(
+        f'<figure><div class="sheet of-{kind}" id="browse-{key}" role="img" aria-label=""></div>'
+        f'<figcaption id="browse-{key}-name"></figcaption></figure>'
+        for key, kind in (("query", "query"), ("match", "place"), ("truth", "place"))
     )
     last = len(data.query_names) - 1
-    section = render("report_route.html", drawing=_route_drawing(data, correct), last=str(last), images="".join(frames))
-    return section, values, style
+    section = render("report_route.html", drawing=_route_drawing(data, correct), last=str(last), images=frames)
+    return section, {**values, "matrixBox": list(MATRIX_BOX)}, style
+
+
+def sheets(queries: NDArray[np.uint8], places: NDArray[np.uint8]) -> tuple[dict[str, Any], str]:
+    """What a script needs to find a query's or a place's image on its contact sheet, and the style that holds both.
+
+    Args:
+        queries, places: uint8 (n, h, w, 3), BGR.
+    """
+    of_queries, of_places = contact_sheet(queries), contact_sheet(places)
+    values = {"querySheet": of_queries[1:3], "placeSheet": of_places[1:3]}
+    return values, of_queries.style(".of-query") + of_places.style(".of-place")
 
 
 def where(data: MapData | None, matches: NDArray[np.integer[Any]], correct: NDArray[np.bool_]) -> str:
@@ -151,7 +166,7 @@ def where(data: MapData | None, matches: NDArray[np.integer[Any]], correct: NDAr
     if data is None:
         return ""
     alt = f"Map of {len(data.places)} places and {len(correct)} queries, {int(correct.sum())} of them right"
-    drawing = route_map(data, matches, correct, alt)
+    drawing = route_map(data, matches, held_marks(matches, correct), alt)
     figures = data.figures
     return render("report_map.html", figures=safe(figures[:1].upper() + figures[1:]), drawing=drawing)
 

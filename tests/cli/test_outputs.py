@@ -37,7 +37,7 @@ def report_folder() -> None:
 
 def read_only() -> None:
     report_folder()
-    for name in ("q.csv", "q.json", "n.lvpr", "o.lvpr.checkpoint", "r/report.html"):
+    for name in ("q.csv", "q.json", "n.lvpr", "o.lvpr.checkpoint", "r/report.html", "r/query.html"):
         Path(name).write_bytes(b"kept")
         Path(name).chmod(0o444)
 
@@ -91,6 +91,7 @@ REFUSED: list[tuple[Callable[[], object] | None, str, str]] = [
     (links, "query c query -o b/q.csv", "b/q.csv: would stand in the bundle c, which"),
     (None, "eval b query --json b/host/references.lvpr", f"b/host/references.lvpr: {IN_BUNDLE}"),
     (None, "eval b query --report b", f"b/report.html: {IN_BUNDLE}"),
+    (None, "query b query --report b", f"b/query.html: {IN_BUNDLE}"),
     (None, "eval b query --report b/host/page", f"b/host/page/report.html: {IN_BUNDLE}"),
     (None, "bench b query --json b/mapping.json", f"b/mapping.json: {IN_BUNDLE}"),
     (None, "bench b query --report b", f"b/bench.html: {IN_BUNDLE}"),
@@ -137,6 +138,8 @@ REFUSED: list[tuple[Callable[[], object] | None, str, str]] = [
     (read_only, f"{TRAIN} -o n.lvpr", f"n.lvpr: {CLOSED}"),
     (read_only, f"{TRAIN} -o o.lvpr --resume", f"o.lvpr.checkpoint: {CLOSED}"),
     (in_the_way, "eval m.lvpr query --report file/deep/er", "file: is a file; name a folder"),
+    (in_the_way, "query m.lvpr query --report file", "file: is a file; name a folder"),
+    (read_only, "query m.lvpr query --report r", f"r/query.html: {CLOSED}"),
     (in_the_way, "demo --out d", "d/report/report.html: is a folder; name a file"),
     (in_the_way, "query m.lvpr query -o pipe", f"pipe: {PIPE}"),  # a rename would replace even a device
     (in_the_way, "eval m.lvpr query --json pipe", f"pipe: {PIPE}"),

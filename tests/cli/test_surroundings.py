@@ -177,6 +177,7 @@ WRITERS: dict[str, tuple[tuple[str, ...], str]] = {
         ("query", "m.lvpr", "query", "--motion", "any", "--stamps", "query_positions.csv", "--bag", "new"),
         "new: cannot be written",
     ),
+    "page": (("query", "m.lvpr", "query", "--report", "new"), "new/query.html: the report cannot be written"),
     "texts": (("datasets", "--json", "new.json"), "new.json: cannot be written"),
 }
 
@@ -335,17 +336,18 @@ def test_tables_show_names_as_text(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len({len(line) for line in shown.getvalue().splitlines() if "│" in line}) == 1
 
 
-def test_a_page_shows_names_as_text(place: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("command", "name"), [("eval", "report.html"), ("query", "query.html")])
+def test_a_page_shows_names_as_text(command: str, name: str, place: Path, tmp_path: Path) -> None:
     """No file can be named ``</script>``, but these words need no slash."""
     queries, folder = tmp_path / "query", tmp_path / NASTY
     shutil.copytree(place / "query", queries)
     for k, file in enumerate(sorted(queries.iterdir())):
         file.rename(file.with_name(f"{k}\"'><img src=x onerror=alert(1)><script>alert(2)<!--&.png"))
-    result = run("eval", place / "m.lvpr", queries, "--report", folder)
+    result = run(command, place / "m.lvpr", queries, "--report", folder)
     assert ESCAPED in result.stdout
     assert is_plain(result.output)
-    page = (folder / "report.html").read_text()
-    assert "onerror=alert(1)&gt;" in page
+    page = (folder / name).read_text()
+    assert re.search(r"onerror=alert\(1\)(&gt;|>)", page)
     assert "<img src=x" not in page
     assert len(re.findall("<script", page)) == 2
     assert "<!--&" not in page

@@ -80,9 +80,10 @@ def test_images() -> None:
     assert weight_image(np.array([0.0, 2.0, 4.0, 1.0]), 2).tolist() == [[0, 128], [255, 64]]
     assert weight_image(np.array([4.0, 0, 0, 2, 0, 4, 0, 2]), 2).tolist() == [[255, 0], [128, 128]]
     assert shrunk(np.zeros((100, 400, 3), np.uint8), 200).shape == (50, 200, 3)
-    uri, columns, rows = contact_sheet(np.zeros((7, 24, 40, 3), np.uint8))
-    assert uri.startswith("data:image/jpeg;base64,")
-    assert columns * rows >= 7
+    sheet = contact_sheet(np.zeros((7, 24, 40, 3), np.uint8))
+    assert sheet.uri.startswith("data:image/jpeg;base64,")
+    assert sheet.columns * sheet.rows >= 7
+    assert re.fullmatch(r"\.a\{.*background-size:300% 300%;aspect-ratio:40/24\}", sheet.style(".a"))
 
 
 def test_words() -> None:

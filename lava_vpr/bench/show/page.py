@@ -58,7 +58,8 @@ def _on_map(bench: Bench) -> str:
     found = bench.on_map
     if found is None:
         return ""
-    return where(map_of(found.errors, len(found.matches), int(bench.model["places"])), found.matches, found.correct)
+    errors, places = found.errors, int(bench.model["places"])
+    return where(map_of(errors.located, len(found.matches), places, errors.in_words()), found.matches, found.correct)
 
 
 def _modelled(bench: Bench, tables: Iterable[Table]) -> list[str | Table]:

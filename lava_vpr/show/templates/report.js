@@ -50,23 +50,15 @@
 
   // One query at a time: its image, the match, the true place.
   const slider = one("#browse-slider");
-  const place = (element, sheet, index) => {
-    const [columns, rows] = sheet;
-    element.classList.toggle("empty", index < 0);
-    element.style.backgroundSize = columns * 100 + "% " + rows * 100 + "%";
-    const x = index % columns, y = Math.floor(index / columns);
-    element.style.backgroundPosition =
-      (columns > 1 ? (100 * x) / (columns - 1) : 0) + "% " + (rows > 1 ? (100 * y) / (rows - 1) : 0) + "%";
-  };
   const show = (query) => {
     if (!slider) return;
     slider.value = query;
     const match = data.match[query], truth = data.truth[query];
     const verdict = match < 0 ? "no match" : data.right[query] ? "right" : "wrong";
     const names = (index, what) => index < 0 ? "none" : what[index];
-    place(one("#browse-query"), data.querySheet, query);
-    place(one("#browse-match"), data.placeSheet, match);
-    place(one("#browse-truth"), data.placeSheet, truth);
+    sprite(one("#browse-query"), data.querySheet, query);
+    sprite(one("#browse-match"), data.placeSheet, match);
+    sprite(one("#browse-truth"), data.placeSheet, truth);
     one("#browse-query-name").textContent = "Query " + names(query, data.queries);
     one("#browse-match-name").textContent = "Matched place " + names(match, data.places);
     one("#browse-truth-name").textContent = "True place " + names(truth, data.places);
