@@ -37,7 +37,7 @@ from lava_vpr.cli.nouns import (
     query_positions_options,
 )
 from lava_vpr.cli.show.matches import MatchTable, Row, sentences
-from lava_vpr.cli.streams import Asked, Writing, writing_options
+from lava_vpr.cli.show.streams import Asked, Writing, writing_options
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError, shown
@@ -183,7 +183,7 @@ def _write(
     form, least, recognised = writing.form_of(len(traverse)), accepting.least(together), 0
     unfollowed = Unfollowed()
     asked = Asked(model, traverse, together, least)
-    with ExitStack() as waiting, writing.takers(asked) as take, writing.rows() as write:
+    with ExitStack() as waiting, writing.rows() as write, writing.takers(asked) as take:
         write(table.csv_header() if form == "csv" else "")
         if writing.silent:
             waiting.enter_context(stage(f"reading {traverse.source}"))

@@ -16,7 +16,8 @@ from click.testing import CliRunner
 from support.common.commands import images, run
 
 from lava_vpr import model as model_file, traverse
-from lava_vpr.cli import main, query as command
+from lava_vpr.cli import main
+from lava_vpr.cli.show import streams
 from lava_vpr.encoding import encode_traverse
 from lava_vpr.model import decode
 from lava_vpr.recognition import count_query_spikes
@@ -168,8 +169,8 @@ def test_a_line_comes_before_the_next_image_is_read(here: Path, monkeypatch: pyt
         events.append(piece.count("\n"))
 
     monkeypatch.setattr(traverse, "read_image", noted)
-    monkeypatch.setattr(command, "write_stdout", write)
-    monkeypatch.setattr(command, "text_writer", lambda path: nullcontext(write))
+    monkeypatch.setattr(streams, "write_stdout", write)
+    monkeypatch.setattr(streams, "text_writer", lambda path: nullcontext(write))
     run("query", "m.lvpr", "query", "-o", "-")
     assert events == [1, "read", 1, "read", "read", 2, *["read"] * 4, 4, "read", 1]
     events.clear()
