@@ -50,6 +50,8 @@ class LifNetwork:
             ``poisson``. Learning has a setting of its own (`StdpLearning.trains`).
         input_mode: Where regular trains are made: by the host, which ``injected`` spikes into the chip, or by input
             compartments that integrate a ``bias`` written once a query. Learning always injects.
+        adapt: Time constant in queries by which biases follow the queries before, of who tracks a robot
+            (`lava_vpr.backends.asking.Asking.tracking`); 0: they do not. Unsigned weights have no biases.
     """
 
     model: Literal["lif"] = "lif"
@@ -64,6 +66,7 @@ class LifNetwork:
     tau_membrane: Annotated[float, Range(1, 4096, "least")] = 12.0
     trains: SpikeTrains = "regular"
     input_mode: InputMode = "injected"
+    adapt: Annotated[int, Range(0, 1_000_000)] = 30
 
     def __post_init__(self) -> None:
         check(self, "network", **({"weight_bits": _SIGNED_BITS} if self.signed else {}))

@@ -12,7 +12,7 @@ import numpy as np
 import tomli
 import tomli_w
 
-from lava_vpr.config import Config, preset
+from lava_vpr.config import Config, LifNetwork, preset
 from lava_vpr.errors import ConfigError, brief, said, shown
 from lava_vpr.settings.ranges import CHANGE_IT, KINDS, declared, need, whole
 from lava_vpr.storage.reading import read_bytes
@@ -87,6 +87,14 @@ def from_dict(values: Any) -> Config:
     if not isinstance(name, str):
         raise ConfigError(f"preset is {brief(name)}, but must be a name; {CHANGE_IT}")
     return update(preset(name), values)
+
+
+def of_file(values: Any) -> Config:
+    """As `from_dict`, of settings that are a model's: what older ones lack is off, whatever the preset has now."""
+    config = from_dict(values)
+    if isinstance(config.network, LifNetwork) and "adapt" not in values.get("network", {}):
+        return replace(config, network=replace(config.network, adapt=0))
+    return config
 
 
 def read_toml(path: Path, base: Config | None = None) -> Config:

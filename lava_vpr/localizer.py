@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lava_vpr import maps, model as model_file
-from lava_vpr.backends.asking import Asker, Asking, calibration_of, open_model, summed
+from lava_vpr.backends.asking import MODELS, Asker, Asking, calibration_of, open_model, summed
 from lava_vpr.backends.interface import HostBackend
 from lava_vpr.encoding import Keep, encode_arrays, encode_views
 from lava_vpr.engine.adaptation import Motion
@@ -54,7 +54,8 @@ class Localizer:
         model: A model, or the path of a model file or bundle.
         motion: ``any``: the robot drives either way, stops and turns; ``forward``: never back; ``none``: each image
             is answered alone.
-        adapt: Time constant in images by which neurons' biases follow the images before; None: they do not.
+        adapt: Time constant in images by which neurons' biases follow the images before; ``model``: that of the
+            model's settings (``network.adapt``), none where each image is answered alone; None: they do not.
         query_views: Sideways views in which each image is presented, an odd number. With more than one, and motion
             ``none``, probabilities are not known and no match is accepted.
         target_precision: Share of the accepted matches that shall be right; None: 0.95.
@@ -68,7 +69,7 @@ class Localizer:
         self,
         model: Model | str | Path,
         motion: str = "any",
-        adapt: float | None = None,
+        adapt: float | str | None = MODELS,
         query_views: int = 1,
         *,
         target_precision: float | None = None,
@@ -86,7 +87,7 @@ class Localizer:
         )
         if not isinstance(model, Model):
             check_arguments("model", model=model)
-        self._asking, self._seed = Asking(query_views, adapt), seed
+        self._asking, self._seed = Asking.wanted(query_views, adapt), seed
         self._motion, self._precision, self._off_map = motion, target_precision, off_map
         self._backend = HostBackend()
         self._use(model if isinstance(model, Model) else load(model))
@@ -190,6 +191,7 @@ class Localizer:
 
     def _use(self, model: Model) -> None:
         """Take a model, and make the tables that every image needs."""
+        self._asking = self._asking.tracking(model, self._motion)
         self._asking.check(model)
         known = None if self._asking.views > 1 else calibration_of(model)
         self._model = model if known is None else dataclasses.replace(model, calibration=known.samples)

@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import ConductanceLearning, ConductanceNetwork, Config
-from lava_vpr.configfile import from_dict
+from lava_vpr.configfile import of_file
 from lava_vpr.engine import effort
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
@@ -151,7 +151,7 @@ def array_rules(config: Config, sizes: Sizes) -> dict[str, ArrayRule]:
 def _config(header: Mapping[str, Any], network: FixedNetwork | None) -> Config:
     """The settings, once the keys of the header are those of a model."""
     check_keys(header, _HEADER, ("fixed", "frame"), "key {} in its header")
-    config = from_dict(header["config"])
+    config = of_file(header["config"])
     if config.encoder.inputs == 0:
         raise UnfitError(f"inputs {config.encoder.kind!r} of vectors without values")
     fixed = ("fixed",) if network is None and not isinstance(config.network, ConductanceNetwork) else ()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,7 +28,7 @@ from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.probability import HALF, Calibration
 from lava_vpr.matching.trust import Trust, trust
-from lava_vpr.model import Model, decode, integer_model, prepare
+from lava_vpr.model import Model, integer_model, prepare
 from lava_vpr.storage.arrays import narrow
 from lava_vpr.traverse import Traverse
 from lava_vpr.truth.alignment import PositionErrors
@@ -200,7 +201,8 @@ class Comparison:
             the model can be compared with.
         descriptors: .npy files of reference and query descriptors, one row per image in use; None: no such matcher.
         keep_scores: Whether the result holds matrices of scores, which a report draws.
-        asking: How queries are asked; where the network adapts, figures without that stand beside.
+        asking: How queries are asked; where the network adapts, figures without that stand beside, but those of a
+            filter are of a network that adapts as it does for who tracks a robot.
         motion: How the robot may have moved (`lava_vpr.matching.forward_filter.MOTIONS`), for figures of a filter
             beside; ``none``: there are none. Not with sequences.
         calibration: Of the model's decoder; None: probabilities of single queries are not known.
@@ -260,15 +262,15 @@ def recognise(
     names = rivals_of(model, comparison.rivals)
     files, labels = comparison.descriptors, model.labels
     others = files and descriptor_similarities(*files, n_references=len(labels), n_queries=len(queries), labels=labels)
-    comparison.asking.check(model)
+    (asking := comparison.asking).check(model)
     shown = Asker(model, seed=seed).presentations((queries, *further)) if shown is None else shown
     shown_counts, events = count_query_spikes(
         model, queries, backend=backend, threads=pool.threads, advance=advance, shown=shown
     )
-    counts = narrow(summed(shown_counts, comparison.asking.views))
+    counts = narrow(summed(shown_counts, asking.views))
     del shown_counts
     default = model.config.decoder.default
-    rivals = Rivals(model, queries, shown, names, comparison.asking, pool)
+    rivals = Rivals(model, queries, shown, names, asking, pool)
     sequence, pace, off_map = comparison.sequence, sequences.Pace(), comparison.off_map
     held: dict[str, Held] = {}
     followed: Followed | None = None
@@ -280,14 +282,16 @@ def recognise(
         with nullcontext() if answers_here else DECODERS.spared(name):
             together = Together(sequence, NONE, calibration, off_map)
             held[name] = hold(matcher, scores, truth, together, pace=seen, keep=keep)
-        if answers_here and comparison.motion != NONE and sequence == 1:
-            moving = Motion().moving(shown.rates[: len(queries)])
-            by = Together(1, comparison.motion, calibration, off_map)
-            followed = follow(matcher, scores, truth, by, moving)
+    adapting = cache(partial(_adapted_scores, rivals, backend, advance))
     adapted = {
         name: hold(matcher, scores, truth, Together(sequence))
-        for name, matcher, scores in _adapted_matchers(rivals, backend, advance)
+        for name, matcher, scores in _adapted_matchers(rivals, adapting)
     }
+    if comparison.motion != NONE and sequence == 1:
+        moving, tau = Motion().moving(shown.rates[: len(queries)]), asking.tracking(model, comparison.motion).adapt
+        scores = decoded(model, counts, default) if tau is None else adapting(tau)
+        by = Together(1, comparison.motion, comparison.calibration, off_map)
+        followed = follow(default, scores, truth, by, moving)
     single = held[default].answers
     answers = adapted[default].answers if default in adapted else single
     by_filter = None if followed is None else followed.answers
@@ -322,19 +326,23 @@ def _trusts(
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _adapted_matchers(rivals: Rivals, backend: str | Backend, advance: Advance | None) -> Iterator[Scored]:
-    """The scores of the default decoder and the baselines, all adapted; none unless that is asked."""
-    model, shown, asking, threads = rivals.model, rivals.shown, rivals.asking, rivals.pool.threads
-    if asking.adapt is None:
-        return
-    default, rates = model.config.decoder.default, shown.rates[: len(rivals.queries)]
-    bias = Adaptation(integer_model(model, "--adapt").network, asking.adapt).biases(rates)
-    adapting = replace(shown, bias=np.tile(bias, (asking.views, 1)))
+def _adapted_scores(rivals: Rivals, backend: str | Backend, advance: Advance | None, tau: float) -> InBlocks:
+    """The scores of the default decoder where the network adapts to the queries before."""
+    model, shown, views, threads = rivals.model, rivals.shown, rivals.asking.views, rivals.pool.threads
+    bias = Adaptation(integer_model(model, "--adapt").network, tau).biases(shown.rates[: len(rivals.queries)])
+    adapting = replace(shown, bias=np.tile(bias, (views, 1)))
     counts, _ = count_query_spikes(
         model, rivals.queries, backend=backend, threads=threads, advance=advance, shown=adapting
     )
-    yield Scored(default, default, InBlocks.made(decode(model, summed(counts, asking.views), default)))
-    yield from rivals.scored(asking.adapt)
+    return decoded(model, summed(counts, views), model.config.decoder.default)
+
+
+def _adapted_matchers(rivals: Rivals, adapting: Callable[[float], InBlocks]) -> Iterator[Scored]:
+    """The scores of the default decoder and the baselines, all adapted; none unless that is asked."""
+    default, tau = rivals.model.config.decoder.default, rivals.asking.adapt
+    if tau is not None:
+        yield Scored(default, default, adapting(tau))
+        yield from rivals.scored(tau)
 
 
 def _every_matcher(

@@ -10,10 +10,9 @@ the maps on which nothing was.
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import click
@@ -25,19 +24,20 @@ from numpy.typing import NDArray
 from benchmarks.places import PlacesSection, images_of, learned, places
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from benchmarks.robot import drives
-from benchmarks.robot.drives import AFTER, BEFORE, REST, RESTING, Dull, Frames, ScoredFrames, kidnappings
+from benchmarks.robot.drives import AFTER, BEFORE, REST, RESTING, Dull, Frames, kidnappings
 from lava_vpr import Localizer, train
-from lava_vpr.backends.asking import calibration_of
+from lava_vpr.backends.asking import Asking, calibration_of
+from lava_vpr.backends.interface import Presentations, query_presentations
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
+from lava_vpr.engine.adaptation import Adaptation, Motion
 from lava_vpr.engine.presentations import cores
 from lava_vpr.matching.answers import Answerer, Answers, Together, accepted, answers_of, least_probability
 from lava_vpr.matching.beliefs import filtered
 from lava_vpr.matching.forward_filter import MOTIONS, NONE, ForwardFilter
 from lava_vpr.matching.probability import Calibration
 from lava_vpr.matching.trust import Trust, trust
-from lava_vpr.model import Model, prepare
-from lava_vpr.recognition import count_query_spikes
+from lava_vpr.model import IntegerModel, Model, integer_model
 from lava_vpr.traverse import open_traverse
 
 KIDNAPPED = 60
@@ -65,46 +65,47 @@ CHOSEN = {
 
 
 @dataclass(frozen=True)
-class ScoredImages:
-    """A model, and what its network made of images.
+class DrivenMap:
+    """A model, and what it is shown.
 
     Attributes:
         model, calibration: The model.
-        on, off: Scores (n, places) of the map's queries, and of queries of other places.
-        stops: Of a drive with stops, drawn with noise.
-        rest: Of `REST` places, `RESTING` frames each, drawn with noise.
-        dull: Of the stretch that is told apart least.
+        on, off: The map's queries, and queries of other places.
+        stops: A drive with stops, drawn with noise.
+        rest: `REST` places, `RESTING` frames each, drawn with noise.
+        dull: The stretch that is told apart least.
     """
 
-    model: Model
+    model: IntegerModel
     calibration: Calibration
-    on: NDArray[np.float64]
-    off: NDArray[np.float64]
-    stops: ScoredFrames
-    rest: tuple[ScoredFrames, ...]
+    on: Presentations
+    off: Presentations
+    stops: Presentations
+    rest: tuple[Presentations, ...]
     dull: Dull
 
+    def adapted(self, shown: Presentations) -> Presentations:
+        """A drive as the model's own time constant has it."""
+        tau = Asking.wanted().tracking(self.model, "any").adapt
+        return shown if tau is None else replace(shown, bias=Adaptation(self.model.network, tau).biases(shown.rates))
 
-def answered(where: Map, seed: int) -> ScoredImages:
-    """Learn a map and ask it everything."""
-    model = learned(where.learned, dataclasses.replace(preset("loihi"), seed=seed))
-    scores_of = prepare(model)
-    on, off = (
-        scores_of(count_query_spikes(model, places(section, 1, model.config)[0], threads=cores())[0])
-        for section in where
-    )
+
+def driven_map(where: Map, seed: int) -> DrivenMap:
+    """Learn a map, and encode what it is shown."""
+    model = integer_model(learned(where.learned, replace(preset("loihi"), seed=seed)), "driving")
+    on, off = (query_presentations(model, places(section, 1, model.config)[0]) for section in where)
     calibration = calibration_of(model, Pool(cores()))
     if calibration is None:
         raise TypeError("an integer model has a calibration")
 
     images = drives.queries_of(where.learned)
 
-    def seen(frames: Frames) -> ScoredFrames:
-        return drives.asked(model, drives.noisy(images, frames, seed))
+    def seen(frames: Frames) -> Presentations:
+        return drives.shown_of(model, drives.noisy(images, frames, seed))
 
     stops = seen(drives.with_stops(model.places))
     rest = tuple(seen(np.full(RESTING, place)) for place in resting(model.places))
-    return ScoredImages(model, calibration, on, off, stops, rest, drives.dull(model, images))
+    return DrivenMap(model, calibration, on, off, stops, rest, drives.dull(model, images))
 
 
 def resting(n: int) -> list[int]:
@@ -112,107 +113,121 @@ def resting(n: int) -> list[int]:
     return np.unique(np.linspace(0, n - 1, REST).astype(np.int64)).tolist()
 
 
-def follow(some: ScoredImages, shown: ScoredFrames, motion: str = "any") -> Answers:
-    """What the filter answers."""
-    start = Answerer.of(preset("loihi").decoder.default, some.model.places, together(some, motion))
-    return start.step(shown.scores, shown.moving)[1]
+def follow(some: DrivenMap, shown: Presentations, motion: str = "any") -> Answers:
+    """What the filter answers to a drive."""
+    start = Answerer.of(some.model.config.decoder.default, some.model.places, together(some, motion))
+    return start.step(drives.scored(some.model, shown), Motion().moving(shown.rates))[1]
 
 
-def together(some: ScoredImages, motion: str) -> Together:
+def together(some: DrivenMap, motion: str) -> Together:
     """How queries are matched."""
     return Together(motion=motion, calibration=some.calibration)
 
 
-def good(some: ScoredImages, answers: Answers, motion: str = "any") -> NDArray[np.bool_]:
+def good(some: DrivenMap, answers: Answers, motion: str = "any") -> NDArray[np.bool_]:
     """Which answers are accepted."""
     return accepted(answers, least_probability(together(some, motion)))
 
 
-def found_again(some: ScoredImages) -> float:
+def found_again(some: DrivenMap) -> float:
     """Share of kidnappings after which a place is exact within ten frames, and the last is within one."""
     cases, again = kidnappings(some.model.places, KIDNAPPED, seed=1), 0
     for frames in cases:
-        apart = np.abs(follow(some, ScoredFrames(some.on[frames], drives.moving(frames))).matches - frames)[BEFORE:]
+        apart = np.abs(follow(some, some.adapted(some.on.part(frames))).matches - frames)[BEFORE:]
         again += bool((apart == 0).any() and apart[-1] <= 1)
     return again / len(cases)
 
 
 class Driven(NamedTuple):
     """Shares of the frames of a drive that are on the map: exact alone; filtered: exact, within 3 places, accepted;
-    and of all that is accepted the share within a place of the truth."""
+    and of all that is accepted the share within a place of the truth; then all but the first without adapting."""
 
     alone: float
     exact: float
     near: float
     accepted: float
     right: float
+    plain_exact: float
+    plain_near: float
+    plain_accepted: float
+    plain_right: float
 
 
-def driven(some: ScoredImages, shown: ScoredFrames, truth: Frames, part: slice = slice(None)) -> Driven:
+def driven(some: DrivenMap, shown: Presentations, truth: Frames, part: slice = slice(None)) -> Driven:
     """How a drive, or a ``part`` of it, is answered; -1 is off the map."""
-    answers = follow(some, shown)
-    sure = good(some, answers)[part]
-    there, matches, truth = truth[part] >= 0, answers.matches[part], truth[part]
-    apart = np.where(there, np.abs(matches - truth), some.model.places)
-    alone = shown.scores.argmax(axis=1)[part] == truth
-    right = float((apart <= 1)[sure].mean()) if sure.any() else float("nan")
-    return Driven(*(float(of[there].mean()) for of in (alone, apart == 0, apart <= 3, sure)), right)
+    there, truth = truth[part] >= 0, truth[part]
+
+    def shares(answers: Answers) -> list[float]:
+        sure = good(some, answers)[part]
+        apart = np.where(there, np.abs(answers.matches[part] - truth), some.model.places)
+        right = float((apart <= 1)[sure].mean()) if sure.any() else float("nan")
+        return [*(float(of[there].mean()) for of in (apart == 0, apart <= 3, sure)), right]
+
+    alone = drives.scored(some.model, shown).argmax(axis=1)[part] == truth
+    ways = (some.adapted(shown), shown)
+    return Driven(float(alone[there].mean()), *(share for way in ways for share in shares(follow(some, way))))
 
 
-def every_drive(some: ScoredImages) -> Iterator[tuple[str, Driven]]:
+def every_drive(some: DrivenMap) -> Iterator[tuple[str, Driven]]:
     """All drives by name."""
     n = some.model.places
     made = {name: drives.at_speed(speed, n) for name, speed in drives.SPEEDS.items()}
     order = np.random.default_rng(0).permutation(n)
     for name, frames in (made | {"reversed": np.arange(n)[::-1], "in random order": order}).items():
-        yield name, driven(some, ScoredFrames(some.on[frames], drives.moving(frames)), frames)
+        yield name, driven(some, some.on.part(frames), frames)
     stops = f"{drives.STOP} frames at rest, every {drives.EVERY} places"
     yield stops, driven(some, some.stops, drives.with_stops(n))
-    off = some.off[:n]
-    half = ScoredFrames(np.concatenate([some.on, off]), np.ones(n + len(off), np.bool_))
-    yield "as many off the map as on it", driven(some, half, np.append(np.arange(n), np.full(len(off), -1)))
-    first, length = some.dull.first, len(some.dull.scores)
-    scores = some.on.copy()
-    scores[first : first + length] = some.dull.scores
+    half = Presentations.joined([some.on, some.off.part(slice(n))])
+    yield "as many off the map as on it", driven(some, half, np.append(np.arange(n), np.full(len(half.rates) - n, -1)))
+    first, length = some.dull.first, len(some.dull.shown.rates)
+    rates = some.on.rates.copy()
+    rates[first : first + length] = some.dull.shown.rates
     for name, frames in {
         "a dull stretch": np.arange(n),
         "the same, 1.5 times": drives.at_speed(1.5, n),
         "the same, reversed": np.arange(n)[::-1],
     }.items():
         within = np.flatnonzero((frames >= first) & (frames < first + length))
-        shown = ScoredFrames(scores[frames], drives.moving(frames))
+        shown = replace(some.on, rates=rates).part(frames)
         yield name, driven(some, shown, frames, slice(within[0], within[-1] + 1))
         if within[-1] + 1 < len(frames):
             yield f"{name}: what follows", driven(some, shown, frames, slice(within[-1] + 1, None))
 
 
-def at_rest(some: ScoredImages) -> tuple[float, float]:
-    """Share of the places where a robot is switched on that are accepted alone, and that are after `RESTING` frames."""
-    after = [bool(good(some, follow(some, shown))[-1]) for shown in some.rest]
-    scores = np.concatenate([shown.scores[:1] for shown in some.rest])
-    alone = answers_of(some.model.config.decoder.default, scores, some.calibration)
-    return float(good(some, alone, NONE).mean()), float(np.mean(after))
+def alone(some: DrivenMap, shown: Presentations) -> Answers:
+    """What each query is answered by itself."""
+    return answers_of(some.model.config.decoder.default, drives.scored(some.model, shown), some.calibration)
 
 
-def drive_cells(all_seeds: Sequence[ScoredImages]) -> dict[str, list[str]]:
+def at_rest(some: DrivenMap) -> tuple[float, float, float]:
+    """Share of the places where a robot is switched on that are accepted alone, and that are after `RESTING` frames,
+    adapting and not."""
+    after = [[bool(good(some, follow(some, way))[-1]) for way in (some.adapted(shown), shown)] for shown in some.rest]
+    first = Presentations.joined([shown.part(slice(1)) for shown in some.rest])
+    return float(good(some, alone(some, first), NONE).mean()), *np.mean(after, axis=0).tolist()
+
+
+def drive_cells(all_seeds: Sequence[DrivenMap]) -> dict[str, list[str]]:
     """The cells of a map by drive: means over seeds in percent, and the least of a seed."""
     found = [dict(every_drive(some)) for some in all_seeds]
     cells = {}
     for name in found[0]:
         figures = np.array([of[name] for of in found])
         mean, least = ([percent(value) for value in of] for of in (_known(figures, np.mean), _known(figures, np.min)))
-        cells[name] = [mean[0], " / ".join(mean[1:3]), " / ".join(mean[3:]), " / ".join(least[1:])]
-    alone, rest = np.mean([at_rest(some) for some in all_seeds], axis=0)
-    single = [good(some, answers_of("standard", some.on, some.calibration), NONE).mean() for some in all_seeds]
+        shown = (mean[:1], mean[1:3], mean[3:5], least[1:5], mean[5:])
+        cells[name] = [" / ".join(part) for part in shown]
+    alone_rest, rest, plain_rest = (percent(of) for of in np.mean([at_rest(some) for some in all_seeds], axis=0))
+    single = np.mean([good(some, alone(some, some.on), NONE).mean() for some in all_seeds])
     again = [found_again(some) for some in all_seeds]
     return cells | {
-        "accepted alone": ["", "", percent(float(np.mean(single))), ""],
-        "at rest from the first image: accepted alone / filtered": ["", "", f"{percent(alone)} / {percent(rest)}", ""],
+        "accepted alone": ["", "", percent(float(single)), "", ""],
+        "at rest from the first image: accepted alone / filtered": ["", "", f"{alone_rest} / {rest}", "", plain_rest],
         f"carried off: found again within {AFTER} images": [
             "",
             percent(float(np.mean(again))),
             "",
             percent(min(again)),
+            "",
         ],
     }
 
@@ -227,9 +242,10 @@ def percent(share: float) -> str:
     return "-" if np.isnan(share) else f"{100 * share:.1f}"
 
 
-def drive_table(title: str, all_seeds: Sequence[ScoredImages], record: str) -> BenchmarkTable:
+def drive_table(title: str, all_seeds: Sequence[DrivenMap], record: str) -> BenchmarkTable:
     """All drives on a map."""
-    ways = ("alone: exact", "filtered: exact / within 3", "accepted / right of those", "the least of a seed")
+    ways = ["alone: exact", "filtered: exact / within 3", "accepted / right of those", "the least of a seed"]
+    ways.append("all of it with `--adapt off`")
     return BenchmarkTable(
         ["drive", *ways],
         [[name, *cells] for name, cells in drive_cells(all_seeds).items()],
@@ -238,22 +254,20 @@ def drive_table(title: str, all_seeds: Sequence[ScoredImages], record: str) -> B
     )
 
 
-def trusts(some: ScoredImages) -> dict[str, Trust | None]:
+def trusts(some: DrivenMap) -> dict[str, Trust | None]:
     """How far the probabilities can be trusted with as many images off the map as on it."""
-    off = some.off[: some.model.places]
-    on = some.on[: len(off)]
-    scores = np.concatenate([on, off])
-    truth = np.zeros(scores.shape, np.bool_)
-    truth[np.arange(len(on)), np.arange(len(on))] = True
-    alone = answers_of(some.model.config.decoder.default, scores, some.calibration)
-    made = {"alone": trust(alone, truth, Together(calibration=some.calibration))}
+    off = some.off.part(slice(some.model.places))
+    on = some.on.part(slice(len(off.rates)))
+    shown, both = Presentations.joined([on, off]), len(on.rates)
+    truth = np.eye(2 * both, some.model.places, dtype=np.bool_) & (np.arange(2 * both) < both)[:, None]
+    made = {"alone": trust(alone(some, shown), truth, Together(calibration=some.calibration))}
     for motion in MOTIONS:
-        by_filter = follow(some, ScoredFrames(scores, np.ones(len(scores), np.bool_)), motion)
+        by_filter = follow(some, some.adapted(shown), motion)
         made[f"`--motion {motion}`"] = trust(by_filter, truth, together(some, motion))
     return made
 
 
-def trust_table(maps: Mapping[str, Sequence[ScoredImages]], record: str) -> BenchmarkTable:
+def trust_table(maps: Mapping[str, Sequence[DrivenMap]], record: str) -> BenchmarkTable:
     """What each target precision gives, half of the images being off the map."""
     rows = []
     for title, all_seeds in maps.items():
@@ -332,7 +346,7 @@ def memory(model: Model, updates: int) -> str:
 def main(updates: int, seeds: Sequence[int], chosen: bool) -> Printed:
     """Drives, trust and milliseconds an image."""
     maps = CHOSEN if chosen else UNSEEN
-    found = {name: [answered(where, seed) for seed in seeds] for name, where in maps.items()}
+    found = {name: [driven_map(where, seed) for seed in seeds] for name, where in maps.items()}
     for name, all_seeds in found.items():
         yield drive_table(name, all_seeds, RECORDS.get(name, ""))
     yield trust_table(dict(reversed(found.items())), "" if chosen else "robot-trust")

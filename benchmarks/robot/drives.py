@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.places import FOLDERS, PlacesSection, images_of
-from lava_vpr.backends.asking import Asker
+from lava_vpr.backends.interface import HostBackend, Presentations, query_presentations
+from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import encode_arrays
-from lava_vpr.engine.adaptation import Motion
 from lava_vpr.engine.presentations import cores
 from lava_vpr.matching.decoders import margin
 from lava_vpr.model import Model, prepare
-from lava_vpr.recognition import count_query_spikes
 from lava_vpr.traverse import open_traverse
 
 SPEEDS = {
@@ -46,13 +45,6 @@ Frames = NDArray[np.int64]
 Image = NDArray[np.uint8]
 
 
-class ScoredFrames(NamedTuple):
-    """What a network made of images: scores (n, places), and whether each shows something else than the last one."""
-
-    scores: NDArray[np.float64]
-    moving: NDArray[np.bool_]
-
-
 def at_speed(speed: float, places: int) -> Frames:
     """The place of every frame at so many times the references' speed."""
     return np.minimum((np.arange(int(places / speed)) * speed).astype(np.int64), places - 1)
@@ -63,27 +55,24 @@ def with_stops(places: int) -> Frames:
     return np.concatenate([np.full(1 + STOP * (place % EVERY == EVERY // 2), place) for place in range(places)])
 
 
-def moving(frames: Frames) -> NDArray[np.bool_]:
-    """Whether each frame shows another place than the one before."""
-    return np.append(True, np.diff(frames) != 0)
-
-
 def queries_of(section: PlacesSection) -> list[Image]:
     """The query images of a section, in order."""
     source = open_traverse(images_of(section.dataset, FOLDERS[section.dataset][1]))
     return [source.load(k) for k in range(section.first, section.end)]
 
 
-def asked(model: Model, images: Iterator[Image]) -> ScoredFrames:
-    """Ask a model of images that are no files."""
-    asker, motion, scores_of = Asker(model), Motion(), prepare(model)
-    scores, moves = [], []
+def shown_of(model: Model, images: Iterator[Image]) -> Presentations:
+    """Presentations to a model of images that are no files."""
+    parts = []
     while some := list(islice(images, 64)):
         seen = encode_arrays(some, model.config.encoder, standard=model.standard)
-        shown = asker.presentations(seen)
-        scores.append(scores_of(count_query_spikes(model, seen[0], threads=cores(), shown=shown)[0]))
-        moves.append(motion.moving(shown.rates))
-    return ScoredFrames(np.concatenate(scores), np.concatenate(moves))
+        parts.append(query_presentations(model, seen[0]))
+    return Presentations.joined(parts)
+
+
+def scored(model: Model, shown: Presentations) -> NDArray[np.float64]:
+    """What a network makes of presentations: scores (n, places)."""
+    return prepare(model)(HostBackend(Pool(cores())).count_spikes(model, shown)[0])
 
 
 def noisy(images: Sequence[Image], frames: Frames, seed: int) -> Iterator[Image]:
@@ -95,23 +84,23 @@ def noisy(images: Sequence[Image], frames: Frames, seed: int) -> Iterator[Image]
 
 
 class Dull(NamedTuple):
-    """The stretch of a map whose references are told apart least, and its queries, blurred: scores (n, places)."""
+    """The stretch of a map whose references are told apart least, and its queries, blurred."""
 
     first: int
-    scores: NDArray[np.float64]
+    shown: Presentations
 
 
 def dull(model: Model, queries: Sequence[Image]) -> Dull:
     """The dull stretch of a map, blurred by the least Gaussian (quarters of a pixel) with which too few are right."""
-    length, scores_of = max(5, int(DULL * model.places)), prepare(model)
-    margins = margin(scores_of(np.ascontiguousarray(model.responses.T)))
+    length = max(5, int(DULL * model.places))
+    margins = margin(prepare(model)(np.ascontiguousarray(model.responses.T)))
     first = int(np.convolve(margins, np.ones(length), "valid").argmin())
     images = queries[first : first + length]
     for quarters in range(1, 400):
-        scores = asked(model, (cv2.GaussianBlur(image, (0, 0), quarters / 4) for image in images)).scores
-        if (scores.argmax(axis=1) == first + np.arange(length)).mean() < BLURRED_RIGHT:
+        shown = shown_of(model, (cv2.GaussianBlur(image, (0, 0), quarters / 4) for image in images))
+        if (scored(model, shown).argmax(axis=1) == first + np.arange(length)).mean() < BLURRED_RIGHT:
             break
-    return Dull(first, scores)
+    return Dull(first, shown)
 
 
 def kidnappings(places: int, number: int, seed: int) -> list[Frames]:

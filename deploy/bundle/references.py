@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.configfile import from_dict
+from lava_vpr.configfile import of_file
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle, array_bytes
 from lava_vpr.encoding import query_rates16
 from lava_vpr.engine.effort import check_query
@@ -59,7 +59,7 @@ def read_references(bundle: ReadBundle, stated: Mapping[str, int]) -> tuple[dict
     header, arrays = container.unpack(bundle.data(REFERENCES), bundle.path / REFERENCES, "references")
     at = bundle.at(REFERENCES)
     try:
-        config = from_dict(header.get("config"))
+        config = of_file(header.get("config"))
         check_query(config, stated["neurons"])
     except LavaVprError as error:
         raise BundleError(f"{at}: the settings cannot be used ({error}); {AGAIN}") from None

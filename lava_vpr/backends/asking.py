@@ -15,13 +15,18 @@ from numpy.typing import NDArray
 from lava_vpr import model as model_file
 from lava_vpr.backends.interface import Presentations, query_presentations
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
+from lava_vpr.config import LifNetwork
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.adaptation import Adaptation, Motion, RunningMean
 from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.views import View, ViewsConfig
+from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.probability import Calibration
 from lava_vpr.model import Model, as_integer, integer_model
+
+MODELS, OFF = "model", "off"
+"""In place of a time constant: that of the model's settings, for who tracks a robot; and none."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +36,24 @@ class Asking:
     Attributes:
         views: Sideways views in which each query is presented, odd; its spike counts are their sum.
         adapt: Time constant in queries by which neurons' biases follow the queries before; None: they do not.
+        tracked_adapt: Who tracks a robot adapts as the model's settings say (`tracking`), whatever ``adapt`` is.
     """
 
     views: int = 1
     adapt: float | None = None
+    tracked_adapt: bool = False
+
+    @classmethod
+    def wanted(cls, views: int = 1, adapt: float | str | None = MODELS) -> Asking:
+        """As a user wants it, for whom ``adapt`` may also be `MODELS`, or `OFF`, as None."""
+        return cls(views, None if isinstance(adapt, str) else adapt, tracked_adapt=adapt == MODELS)
+
+    def tracking(self, model: Model, motion: str) -> Asking:
+        """How queries are asked of ``model`` while a robot moves by ``motion``; without a motion each stands alone."""
+        network = model.config.network
+        if not self.tracked_adapt or motion == NONE or not isinstance(network, LifNetwork) or not network.signed:
+            return self
+        return replace(self, adapt=network.adapt or None)
 
     def check(self, model: Model) -> None:
         """Refuse what ``model`` cannot be asked.

@@ -58,4 +58,4 @@ class Request:
     @property
     def plain(self) -> bool:
         """Whether each query is asked once, and the network does not adapt."""
-        return self.asking == PLAINLY
+        return self.asking.views == 1 and self.asking.adapt is None

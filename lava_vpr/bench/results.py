@@ -108,7 +108,8 @@ class QueryVariants:
         recall: Figures of the default decoder, not adapted, on these views.
         adapted: They where the network adapts; None: it does not.
         events: What the host engine counted, per query.
-        multiply_adds: Of the product of weights and rates that the host forms for a query's biases; 0: not adapted.
+        multiply_adds: Of the product of weights and mean rates that the host forms for a query's biases, at most, as
+            inputs at rest take none; 0: not adapted.
         host_milliseconds: Time of a query's biases on this machine, median; None: not adapted.
         boards: What a query takes on each board that the network fits, by the board's name.
     """
@@ -267,7 +268,8 @@ class AnsweringWay:
     """A way to answer a query, with all the energy that it takes, in uJ.
 
     Attributes:
-        name: The board, or what the processor runs instead: ``host`` (this network), ``cosine``, ``hog``, ``sad``.
+        name: The board, or what the processor runs instead: ``host`` (this network), ``cosine``, ``hog``, ``sad``; with
+            ``, adapted`` behind where the network adapts.
         recall: R@1 on the same queries, 0..1.
         work_milliseconds: The processor's time after the encoding, median: beside a board input spikes drawn and counts
             decoded, without one the whole match.

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from typing import TypeVar
 
 import numpy as np
@@ -33,6 +33,8 @@ from lava_vpr.bench.results import (
 from lava_vpr.bench.sweep import BUDGET, Case, sweep
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.cost.costs import adaptation_microjoules, static_millijoules
+from lava_vpr.deploy.cost.embedded import bias_milliseconds
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.presentations import Trains, cores
 from lava_vpr.errors import LavaVprError
@@ -153,20 +155,38 @@ def _asked(work: Work) -> QueryVariants | None:
     return asked(work.queries, work.further, work.truth, work.request.asking, work.plans, COUNTED)
 
 
-def _energy(work: Work) -> tuple[AnsweringWay, ...]:
-    """All the energy of a query on every board, by the host engine if it was timed, and by cosine."""
+def _energy(work: Work, variants: QueryVariants | None) -> tuple[AnsweringWay, ...]:
+    """All the energy of a query on every board, by the host engine if it was timed, and by cosine.
+
+    Where ``variants`` adapt, in one view, the network's ways stand there so, too.
+    """
     work.begin("timing the host's part, and cosine", 1)
     medians = {row.name: float(np.median(row.milliseconds)) for row in work.timed if row.milliseconds}
     encoding, own = medians.get("encoding"), work.answers.metrics[work.answers.default].recall_at_1
     if encoding is None:
         return ()
     part = beside_board(work.queries) if as_integer(work.queries.model) is not None else 0.0
-    ways = [on_board(costs, own, part, encoding) for costs, _ in work.costs.values()]
+    on_boards = (on_board(costs, own, part, encoding) for costs, _ in work.costs.values())
+    ways = [way for way in on_boards if way is not None]
     if "host" in medians:
         ways.append(AnsweringWay("host", own, medians["host"], encoding))
+    if variants is not None and variants.views == 1:
+        ways += [_adapted(way, variants, work.plans.get(way.name)) for way in ways]
     cosine = work.answers.metrics["cosine"].recall_at_1
-    ways.append(AnsweringWay("cosine", cosine, alone(work.queries, "cosine"), encoding))
-    return tuple(way for way in ways if way is not None)
+    return (*ways, AnsweringWay("cosine", cosine, alone(work.queries, "cosine"), encoding))
+
+
+def _adapted(way: AnsweringWay, variants: QueryVariants, plan: Plan | str | None) -> AnsweringWay:
+    """A ``way`` of the network where it adapts: the host makes biases, of which a board is sent one a neuron."""
+    recall = way.recall if variants.adapted is None else variants.adapted.recall_at_1
+    work = way.work_milliseconds + (variants.host_milliseconds or 0.0)
+    way = replace(way, name=f"{way.name}, adapted", recall=recall, work_milliseconds=work)
+    if not isinstance(plan, Plan) or plan.board.constants is None or way.dynamic is None or way.io_static is None:
+        return way
+    constants = plan.board.constants
+    waiting = static_millijoules(plan, bias_milliseconds(plan, constants), constants) * 1e3
+    dynamic = way.dynamic + adaptation_microjoules(plan, constants)
+    return replace(way, dynamic=dynamic, io_static=way.io_static + waiting)
 
 
 def recall_and_costs(
@@ -197,6 +217,7 @@ def recall_and_costs(
     begin("recall", 1)
     work = Work(QuerySet.of(model, images, request.seed), traverse, truth, request, further, begin)
     answers, costs, count = work.answers, work.costs, len(images)
+    variants = work.tried("asking", _asked, None)
     return Bench(
         model=model_facts(model, answers.default),
         machine=machine(),
@@ -211,8 +232,8 @@ def recall_and_costs(
         workload=work.tried("workload", _workload, None),
         peers=work.tried("peers", _peers, ()),
         sweep=work.tried("sweep", _sweep, ()),
-        asked=work.tried("asking", _asked, None),
-        energy=work.tried("energy", _energy, ()),
+        asked=variants,
+        energy=work.tried("energy", partial(_energy, variants=variants), ()),
         pixels=traverse.pixels,
         command=command,
         failed=work.failed,

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from lava_vpr.backends.asking import Asking, open_model
+from lava_vpr.backends.asking import MODELS, OFF, Asking, open_model
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cli.common import PATH, F, Number, Parsed, RegisteredName, noun, seed_type, several
 from lava_vpr.cli.outputs import Outputs
@@ -189,15 +189,24 @@ queries_options = noun(
 )
 """MODEL, QUERY, ``--places`` and ``--every``, given to the command as ``asked``."""
 
+
+class TimeConstant(Number):
+    """A number of queries, or one of the words that stand for one."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return value if value in (MODELS, OFF) else super().convert(value, param, ctx)
+
+
 asking_options = noun(
     "asking",
-    Asking,
+    Asking.wanted,
     click.option(
         "--adapt",
-        type=Number(min=1),
-        default=None,
-        metavar="N",
-        help="Let biases follow the queries before, with a time constant of N queries.",
+        type=TimeConstant(min=1),
+        default=MODELS,
+        metavar="N|off",
+        help="Let biases follow the queries before, with a time constant of N queries (default: with a motion the "
+        "model's own, else off).",
     ),
     click.option(
         "--query-views",

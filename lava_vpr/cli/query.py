@@ -136,7 +136,7 @@ def query(
     lat, lon), the query's time and the metres of error. On standard output lines come as images are done.
     """
     outputs = writing.outputs(motion, read=where.files, model=model_path, images=(images,))
-    model = _checked(open_model(model_path), asking, where, backend)
+    model, asking = _asked(open_model(model_path), asking, motion, where, backend)
     whole = open_traverse(images, every=every, events=model.config.events)
     outputs.spare(whole.paths)
     traverse = where.of(whole.between(*places) if places else whole, len(whole))
@@ -157,12 +157,13 @@ def query(
     writing.conclude(len(traverse), recognised)
 
 
-def _checked(model: Model, asking: Asking, where: WhereOptions, backend: str) -> Model:
-    """``model``, seen to be one that can be asked so."""
+def _asked(model: Model, asking: Asking, motion: str, where: WhereOptions, backend: str) -> tuple[Model, Asking]:
+    """``model``, seen to be one that can be asked so, and how it is asked."""
+    asking = asking.tracking(model, motion)
     asking.check(model)
     where.check(model)
     backends.require(backend, model)
-    return model
+    return model, asking
 
 
 def _calibration(model: Model, asking: Asking) -> Calibration | None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from lava_vpr.backends.asking import Asking
+from lava_vpr.backends.asking import MODELS, Asking
 from lava_vpr.cli.common import (
     PATH,
     Parsed,
@@ -88,12 +88,12 @@ def watch(
     given up. What cannot be read is told on stderr, with a count, and left out. Ctrl-C ends it; so does the end of
     SOURCE, unless there is a page to be looked at.
     """
+    adapt = MODELS if asking.tracked_adapt else asking.adapt
     localizer = Localizer(
-        model_path, motion, asking.adapt, asking.views, target_precision=target_precision, off_map=off_map, seed=seed
+        model_path, motion, adapt, asking.views, target_precision=target_precision, off_map=off_map, seed=seed
     )
-    events = localizer.model.config.events
+    recent, events = Recent(localizer.model), localizer.model.config.events
     found = open_source(source, every=every, topic=topic, events=events, live=True, existing=existing)
-    recent = Recent(localizer.model)
 
     def refused(index: int, why: InputError) -> None:
         recent.refuse()

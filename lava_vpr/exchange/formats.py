@@ -13,7 +13,7 @@ import numpy as np
 
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import integer_config
-from lava_vpr.configfile import from_dict, to_dict, update
+from lava_vpr.configfile import of_file, to_dict, update
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import InputError, LavaVprError, ModelFileError, shown
 from lava_vpr.exchange.drawn import Drawn, UnfitNetwork, digest, whole
@@ -196,7 +196,7 @@ def imported(
 def _from_own(path: Path, drawn: Drawn, threads: int) -> Imported:
     """The model that ``drawn`` makes with the references in its own file."""
     header, arrays = container.unpack(drawn.references or b"", path, "references")
-    made = whole(drawn, integer_config(from_dict(header.get("config")), "a network in another format").network)
+    made = whole(drawn, integer_config(of_file(header.get("config")), "a network in another format").network)
     learned = arrays.get("learned", np.zeros((0, 0), np.float32))
     shape = (made.network.inputs, made.network.neurons)
     if learned.size and (learned.dtype != np.float32 or learned.shape != shape or not np.isfinite(learned).all()):
@@ -206,7 +206,7 @@ def _from_own(path: Path, drawn: Drawn, threads: int) -> Imported:
     if unaltered:
         model = replace(assemble(path, header, kept, made.network), learned=learned)
         return Imported(model, made.notes)
-    config = update(from_dict(header["config"]), {"network": _of_weights(made.network)})
+    config = update(of_file(header["config"]), {"network": _of_weights(made.network)})
     header = {**header, "config": to_dict(config)}
     model = assemble(path, header, kept, made.network)
     return _remeasured(model, made.notes, threads)

@@ -363,14 +363,14 @@ def check_positions(routes: Sequence[LearnedRoute]) -> None:
 
 
 def _first_difference(ours: dict[str, Any], theirs: dict[str, Any], section: str = "") -> tuple[str, Any, Any] | None:
-    """The name and both values of the first setting that differs."""
+    """The name and both values of the first setting that differs, and by which a model was trained."""
     for key, own in ours.items():
         other = theirs.get(key)
         if isinstance(own, dict) and isinstance(other, dict):
             found = _first_difference(own, other, f"{section}{key}.")
             if found is not None:
                 return found
-        elif own != other:
+        elif own != other and (section, key) != ("network.", "adapt"):
             return f"{section}{key}", own, other
     return None
 

@@ -54,7 +54,10 @@ _ARGUMENTS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "preset": _TEXT,
     "dataset": _TEXT,
     "cluster": _TEXT,
-    "adapt": (lambda value: _measured(value) and value >= 1, "a number of images, at least 1"),
+    "adapt": (
+        lambda value: value == "model" if _is_text(value) else _measured(value) and value >= 1,
+        "a number of images, at least 1, or 'model'",
+    ),
     "target_precision": _NUMBER,
     "off_map": _NUMBER,
     "stamp": (_measured, "a number of seconds"),

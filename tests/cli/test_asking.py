@@ -16,6 +16,7 @@ from lava_vpr.encoding import encode_traverse, encode_views
 from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.model import Model, decode
+from lava_vpr.storage import container
 from lava_vpr.traverse import open_traverse
 
 
@@ -76,13 +77,43 @@ def test_verify_compares_every_spike_however_queries_are_asked(here: Path) -> No
 
 
 def test_eval_shows_adapted_figures_in_rows_of_their_own(here: Path) -> None:
-    plain, adapted = figures("query"), figures("query", "--adapt", 5)
+    plain, adapted = figures("query", "--motion", "none"), figures("query", "--motion", "none", "--adapt", 5)
     assert plain["adapted"] == {}
     assert {**adapted, "adapted": {}, "curves": {**adapted["curves"], "adapted": {}}} == plain
     assert set(adapted["adapted"]) == {"contrast", "sad", "cosine", "hog", "template"}
     table = run("eval", "m.lvpr", "query", "--adapt", 5).stdout
     assert "contrast, adapted" in table
     assert "cosine, adapted" in table
+
+
+@pytest.mark.parametrize(
+    ("words", "same"),
+    [
+        (("--motion", "any"), ("--motion", "any", "--adapt", 30)),
+        (("--motion", "none"), ("--motion", "none", "--adapt", "off")),
+        (("--sequence", 2), ("--sequence", 2, "--adapt", "off")),
+        (("--motion", "any", "--query-views", 3), ("--motion", "any", "--query-views", 3, "--adapt", 30)),
+    ],
+)
+def test_who_tracks_a_robot_adapts_as_the_model_says(
+    here: Path, words: tuple[object, ...], same: tuple[object, ...]
+) -> None:
+    asked = [matches("query", *words, *more) for more in ((), ("--adapt", "off"))]
+    assert asked[0] == matches("query", *same)
+    assert (asked[0] == asked[1]) == ("any" not in words)
+
+
+def test_a_filter_in_eval_is_of_queries_as_query_asks_them(here: Path) -> None:
+    header, arrays = container.load(Path("m.lvpr"), "model")
+    header["config"]["network"]["adapt"] = 2
+    container.save(Path("m.lvpr"), "model", header, arrays)
+    told = {how: figures("query", *how) for how in ((), ("--adapt", 2), ("--adapt", "off"))}
+    chances = {how: values["curves"]["followed"]["filtered"]["threshold"] for how, values in told.items()}
+    for how, thresholds in chances.items():
+        rows = matches("query", "--motion", "any", *how)
+        assert thresholds[1:] == pytest.approx(sorted({float(row["probability"]) for row in rows})[::-1], abs=1e-6)
+    assert chances[()] == chances["--adapt", 2] != chances["--adapt", "off"]
+    assert told[()]["adapted"] == {} != told["--adapt", 2]["adapted"]
 
 
 def test_baselines_adapt_as_neurons_do() -> None:

@@ -119,6 +119,23 @@ def test_the_whole_energy_leads(quick: Path) -> None:
     assert list(values["energy"]) == ["cosine"]
 
 
+def test_the_energy_of_an_adapted_query_has_the_product_and_the_biases(quick: Path) -> None:
+    values, text = written("--adapt", 4)
+    ways, asked = values["energy"], values["asked"]
+    assert list(ways) == ["kapoho-bay", "host", "kapoho-bay, adapted", "host, adapted", "cosine"]
+    for name in ("kapoho-bay", "host"):
+        plain, adapted = ways[name], ways[f"{name}, adapted"]
+        more = adapted["work_milliseconds"] - plain["work_milliseconds"]
+        assert more == pytest.approx(asked["host_milliseconds"])
+        assert adapted["recall_at_1"] == asked["adapted"]["recall_at_1"]
+    once, board = ways["kapoho-bay"], ways["kapoho-bay, adapted"]
+    clearing = values["modelled"]["kapoho-bay"]["clearing"]["microjoules"]["nominal"]  # of two registers a neuron
+    sent = board["dynamic_microjoules"]["nominal"] - once["dynamic_microjoules"]["nominal"]
+    assert sent == pytest.approx(clearing / 2)
+    assert board["io_static_microjoules"]["nominal"] > once["io_static_microjoules"]["nominal"]
+    assert "this network, no board, adapted" in " ".join(text.split())
+
+
 def test_views_and_adaptation_have_rows_and_costs_of_their_own(quick: Path) -> None:
     how = ("--query-views", 3, "--adapt", 4)
     plain, told = written()

@@ -25,6 +25,7 @@ from lava_vpr.errors import ConfigError, InputError, LavaVprError
 from lava_vpr.maps import extend
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import Positions
+from lava_vpr.storage import container
 from lava_vpr.synthetic.world import World, render
 
 PLACES = 24
@@ -91,6 +92,22 @@ def test_it_says_what_the_command_says(motion: str, winter: Images, here: Path) 
         chances = [candidate.probability for candidate in match.candidates]
         assert motion == "none" or chances == sorted(chances, reverse=True)
         assert match.spikes.shape == (PLACES,)
+
+
+def test_it_adapts_as_the_model_says_unless_told_otherwise(winter: Images, route: Model, here: Path) -> None:
+    """A model of before has no such setting, and one without signs no biases."""
+    header, arrays = container.load(Path("m.lvpr"), "model")
+    del header["config"]["network"]["adapt"]
+    container.save(Path("older.lvpr"), "model", header, arrays)
+    unsigned = update(route.config, {"network": {"signed": False}})
+    made = [("older.lvpr", None), (train(winter, config=unsigned), None), (route, 30.0)]
+    for model, time_constant in made:
+        for motion in ("any", "none"):
+            expected = time_constant if motion == "any" else None
+            robots = [Localizer(model, motion), Localizer(model, motion, expected), Localizer(model, motion, None)]
+            own, same, plain = ([robot.update(image).confidence for image in winter[:9]] for robot in robots)
+            assert own == same
+            assert (own == plain) == (expected is None)
 
 
 def test_it_starts_anew_when_reset(winter: Images, route: Model) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -52,6 +54,19 @@ def test_biases_are_running_mean_drives() -> None:
     assert (biases[1:] != biases[0]).any(axis=1).all()
 
 
+@pytest.mark.parametrize(("inputs", "narrow"), [(258, True), (259, False)])
+def test_a_product_is_the_one_of_all_inputs(inputs: int, narrow: bool) -> None:
+    """At the ends of what rates and weights can be, too: 65,535 x 127 x 258 is the most that 32 bits hold."""
+    rng = np.random.default_rng(0)
+    weights = rng.integers(-127, 127, (inputs, 45), np.int16, endpoint=True)
+    weights[:, 0], weights[:, 1] = 127, -127
+    spec = dataclasses.replace(network(), weights=weights, bits=7)
+    assert spec.narrow == narrow
+    shown = rng.integers(0, 65536, (4, inputs)).astype(np.uint16) * (rng.random((4, inputs)) < 0.4)
+    shown[0], shown[1] = 65535, 0
+    assert np.array_equal(spec.drives(shown), shown.astype(np.int64) @ weights.astype(np.int64))
+
+
 @pytest.mark.parametrize("sizes", [(1,) * 12, (5, 7), (0, 12), (11, 0, 1)])
 def test_batches_change_nothing(sizes: tuple[int, ...]) -> None:
     spec, shown = network(), rates(12)
@@ -66,7 +81,7 @@ def test_batches_change_nothing(sizes: tuple[int, ...]) -> None:
 
 def test_what_was_seen_long_ago_is_forgotten() -> None:
     spec = network()
-    steady = np.concatenate([rates(1, seed) for seed in range(2)] * 100)  # two places, to and fro
+    steady = np.concatenate([rates(20)] * 10)
     one, two = (Adaptation(spec, 3.0).biases(np.concatenate([rates(20, seed), steady])) for seed in (5, 6))
     assert (one[21] != two[21]).any()
     assert np.array_equal(one[-1], two[-1])
@@ -79,6 +94,14 @@ def test_a_robot_that_stands_still_unlearns_nothing() -> None:
     moving = Adaptation(spec, TAU).biases(shown)
     assert np.array_equal(biases[-1], moving[-1])
     assert (biases[3:-1] == biases[3]).all()
+
+
+def test_one_place_never_fills_the_mean_though_noise_hides_that_the_robot_stands() -> None:
+    drive, place, other = rates(10, 1), rates(1, 2), rates(300, 3)
+    shown = np.where(np.random.default_rng(4).random(other.shape) < 0.8, place, other)
+    assert Motion().moving(shown).mean() > 0.9
+    biases = Adaptation(network(), TAU).biases(np.concatenate([drive, shown]))
+    assert len(np.unique(biases[10:], axis=0)) < 30
 
 
 def test_frames_count_from_the_overlap_of_standing_on() -> None:

@@ -303,6 +303,14 @@ def test_what_cannot_be_is_refused(attempt: Any, error: type[Exception], text: s
         attempt()
 
 
+@pytest.mark.parametrize("adapt", [0, 50])
+def test_maps_that_adapt_otherwise_merge_and_adapt_as_the_first(adapt: int) -> None:
+    model = small_model()
+    other = dataclasses.replace(model, config=update(model.config, {"network": {"adapt": adapt}}))
+    for first, second in ((model, other), (other, model)):
+        assert maps.merge([first, second], allow_duplicates=True).config == first.config
+
+
 def test_a_map_beyond_the_limits_is_refused_before_it_is_learned(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of 13 places; the 8 and the 5 that it would be made of are within the limits."""
     whole = case("template")

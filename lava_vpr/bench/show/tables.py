@@ -108,7 +108,7 @@ def asked(row: QueryVariants) -> Table:
             cells.append(_levels(f"{title}: host I/O, apart, ms, modelled", board.io_milliseconds))
     how = f"in {row.views} views" if row.views > 1 else "in one view"
     if row.adapt is not None:
-        cells.append(_exactly("this machine: multiply-adds for biases", f"{row.multiply_adds:,}"))
+        cells.append(_exactly("this machine: multiply-adds for biases, at most", f"{row.multiply_adds:,}"))
         cells.append(_exactly("this machine: time of biases, ms, measured", figure(row.host_milliseconds)))
         how += f", adapted over {row.adapt:g} queries"
     note = "Each view is a presentation. All other tables are of queries that are presented once, not adapted."
@@ -338,6 +338,12 @@ def anchors() -> Table:
     return Table(heads, rows, title="published figures, none of them the same task", long=frozenset({3, 4}))
 
 
+def _heading(name: str) -> str:
+    """How a column calls the way ``name``, which may be adapted."""
+    way, comma, adapted = name.partition(", ")
+    return _WAYS.get(way, title_of(way).partition(" (")[0]) + comma + adapted
+
+
 def energy(
     ways: Sequence[AnsweringWay], titles: Sequence[str] | None = None, pixels: tuple[int, int] | None = None
 ) -> Table:
@@ -348,7 +354,7 @@ def energy(
         titles: Their headings; None: by their names.
         pixels: Width and height of the images; None: they are vectors.
     """
-    heads = titles or [_WAYS.get(way.name, title_of(way.name).partition(" (")[0]) for way in ways]
+    heads = titles or [_heading(way.name) for way in ways]
     images = "" if pixels is None else f", images of {pixels[0]} x {pixels[1]} pixels"
     rows = [("R@1, percent", *(percent(way.recall) for way in ways))]
     rows += [(name, *(ranged(of(way)) for way in ways)) for name, of in _ENERGIES if any(of(way) for way in ways)]

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.biases import bias_registers, check_bias, highest_bias, safe_bias, slopes
-from lava_vpr.engine.inference.fixed_kernels import KernelNumbers, laid_out, present
+from lava_vpr.engine.inference.fixed_kernels import KernelNumbers, add_weighted, laid_out, present
 from lava_vpr.engine.presentations import check_array, check_presentations, share
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import (
@@ -270,6 +270,12 @@ class FixedNetwork:
     def narrow(self) -> bool:
         """Whether no input sum can leave 16 bits."""
         return max(self.sums) <= np.iinfo(np.int16).max
+
+    def drives(self, rates: NDArray[np.uint16]) -> NDArray[np.int64]:
+        """The sum of each neuron's weights times ``rates`` (n, inputs), in units of both, int64 (n, neurons)."""
+        weights, sums = self.prepared.weights, np.empty((len(rates), self.neurons), np.int64)
+        add_weighted(weights, rates, np.zeros(weights.shape[1], np.int32 if self.narrow else np.int64), sums)
+        return sums
 
     def bounded(self, bias: NDArray[np.int32]) -> bool:
         """Whether with ``bias``, any shape, no current can wrap and no membrane be clipped, whatever spikes."""

@@ -117,6 +117,32 @@ def _add_rows(weights: NDArray[Any], row_sizes: NDArray[np.int64], inputs: NDArr
     return operations
 
 
+@compiled(nogil=True)
+def add_weighted(weights: NDArray[Any], rates: NDArray[np.uint16], acc: NDArray[Any], sums: NDArray[np.int64]) -> None:
+    """Sum the weights of all inputs, each times its rate; inputs at rest cost nothing.
+
+    Args:
+        weights: `laid_out`.
+        rates: uint16 (n, inputs).
+        acc: Scratch (width,): int32 where no sum of a neuron's weights can leave 16 bits, else int64.
+        sums: Filled, int64 (n, neurons).
+    """
+    wide, last = acc.dtype.type, weights.shape[0] - 1
+    factors = np.zeros(weights.shape[0], np.uint16)
+    for q in range(rates.shape[0]):
+        factors[:last] = rates[q]
+        active = np.flatnonzero(factors).astype(np.int32)
+        acc[:] = 0
+        for s in range(0, active.size, 4):
+            a, b = _row(active, s, last), _row(active, s + 1, last)
+            c, d = _row(active, s + 2, last), _row(active, s + 3, last)
+            w, x, y, z = wide(factors[a]), wide(factors[b]), wide(factors[c]), wide(factors[d])
+            for i in range(acc.size):
+                half = wide(weights[a, i]) * w + wide(weights[b, i]) * x
+                acc[i] += wide(half + wide(weights[c, i]) * y + wide(weights[d, i]) * z)
+        sums[q] = acc[: sums.shape[1]]
+
+
 @compiled(inline="always")
 def _fire(
     v: NDArray[np.int32], threshold: np.int32, leaf: int, counts: NDArray[np.int32], row: NDArray[np.uint8]
