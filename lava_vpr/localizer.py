@@ -110,8 +110,17 @@ class Localizer:
         """How likely each place is, and to be off the map, after the images so far; None with motion ``none``."""
         return None if self._answerer.filter is None else Belief.of(self._answerer.filter)
 
+    @property
+    def scores(self) -> NDArray[np.float64] | None:
+        """The decoder's score of the last image alone at each place, higher is better, float64 (places,).
+
+        None before the first image, and after the map was changed.
+        """
+        return self._scores
+
     def reset(self) -> None:
         """Forget the images so far: the next may be anywhere, on the map or off it."""
+        self._scores: NDArray[np.float64] | None = None
         self._asker, self._moving = Asker(self._model, self._asking, self._seed), Motion()
         self._answerer = Answerer.of(self._model.config.decoder.default, self._model.places, self._together)
 
@@ -133,7 +142,9 @@ class Localizer:
         counts = summed(self._backend.count_spikes(self._model, shown)[0], self._asking.views)
         moving = None if self._motion == NONE else self._moving.moving(shown.rates[:1])
         stamps = None if stamp is None else np.array([stamp], np.float64)
-        self._answerer, answers = self._answerer.step(self._scores_of(counts), moving, odometry, stamps)
+        scores = self._scores_of(counts)
+        self._answerer, answers = self._answerer.step(scores, moving, odometry, stamps)
+        self._scores = scores[0]
         good = accepted(answers, self._least)
         (match,) = matches_of(
             self._model, answers, good, counts, radius=self._together.radius, top=CANDIDATES, stamps=stamps

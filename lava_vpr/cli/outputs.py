@@ -179,10 +179,10 @@ def write_text(path: Path, text: str) -> None:
 
 
 @contextmanager
-def text_writer(path: Path) -> Iterator[Callable[[str], None]]:
-    """Write a text file piece by piece; it appears in one step, once all is written, and not at all if that fails.
+def file_writer(path: Path) -> Iterator[Callable[[bytes], None]]:
+    """Write a file piece by piece; it appears in one step, once all is written, and not at all if that fails.
 
-    Until then the text lies on the disk of ``path`` without a name: whatever ends this process, nothing is left.
+    Until then it lies on the disk of ``path`` without a name: whatever ends this process, nothing is left.
 
     Yields:
         What takes the next piece.
@@ -190,21 +190,28 @@ def text_writer(path: Path) -> Iterator[Callable[[str], None]]:
         InputError: it cannot be written; what was there still is.
     """
     with written(path):
-        text = tempfile.TemporaryFile(dir=os.path.dirname(os.path.realpath(path)))
+        content = tempfile.TemporaryFile(dir=os.path.dirname(os.path.realpath(path)))
 
-    def write(piece: str) -> None:
+    def write(piece: bytes) -> None:
         with written(path):
-            text.write(piece.encode())
-            text.flush()
+            content.write(piece)
+            content.flush()
 
     try:
         yield write
         with written(path):
-            text.seek(0)
-            write_atomically(path, lambda file: shutil.copyfileobj(text, file))
+            content.seek(0)
+            write_atomically(path, lambda file: shutil.copyfileobj(content, file))
     finally:
         with suppress(OSError):  # a full disk, told before
-            text.close()
+            content.close()
+
+
+@contextmanager
+def text_writer(path: Path) -> Iterator[Callable[[str], None]]:
+    """`file_writer` of text."""
+    with file_writer(path) as write:
+        yield lambda piece: write(piece.encode())
 
 
 def write_stdout(piece: str) -> None:
@@ -249,7 +256,7 @@ def show_results(
     return [item for item in items if isinstance(item, Table)]
 
 
-SILENT = ("json_path", "csv_path", "report_folder", "output", "bag", "jobs", "address", "keep")
+SILENT = ("json_path", "csv_path", "report_folder", "output", "bag", "scores", "jobs", "address", "keep")
 """Parameters that a report does not repeat: they change nothing of what it says."""
 
 

@@ -14,6 +14,7 @@ An entry takes the memory of its numbers once, and never more than the directory
 
 from __future__ import annotations
 
+import io
 import logging
 import math
 import re
@@ -148,6 +149,14 @@ class ArrayHeader(NamedTuple):
             return npy.descr_to_dtype(self.kind)
         except (TypeError, ValueError):  # numbers of seven bytes, a field twice
             return None
+
+
+def npy_begin(shape: tuple[int, ...], kind: DTypeLike) -> bytes:
+    """What stands before the numbers of a ``.npy`` file that is written piece by piece, in the order C."""
+    begin = io.BytesIO()
+    described = {"descr": npy.dtype_to_descr(np.dtype(kind)), "fortran_order": False, "shape": shape}
+    npy.write_array_header_1_0(begin, described)
+    return begin.getvalue()
 
 
 def header_length(begin: bytes | memoryview) -> int:

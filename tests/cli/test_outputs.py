@@ -107,6 +107,7 @@ REFUSED: list[tuple[Callable[[], object] | None, str, str]] = [
     (hard_links, "query m.lvpr query -o q.csv", f"q.csv: {INPUT}"),
     (hard_links, "eval m.lvpr query --json q.json", f"q.json: {INPUT}"),
     (links, "query m.lvpr query -o q.csv", f"q.csv: {INPUT}"),
+    (hard_links, "query m.lvpr query --scores q.csv", f"q.csv: {INPUT}"),
     (None, "query m.lvpr list.txt -o query/img5.png --places 0:2", f"query/img5.png: {INPUT}"),
     (None, f"{TRAIN} query -o query/img3.png --places 0:2", f"query/img3.png: {INPUT}"),
     (None, "eval m.lvpr query --gt gt.txt --json gt.txt", f"gt.txt: {INPUT}"),

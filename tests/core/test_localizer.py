@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from support.common.commands import matches
 
 import lava_vpr
-from lava_vpr import Localizer, train
+from lava_vpr import Localizer, Match, train
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.errors import ConfigError, InputError, LavaVprError
@@ -73,9 +73,13 @@ def test_the_public_names_are_these() -> None:
 
 @pytest.mark.parametrize("motion", ["none", "any", "forward"])
 def test_it_says_what_the_command_says(motion: str, winter: Images, here: Path) -> None:
-    rows = matches("winter", "--motion", motion)
-    robot = Localizer("m.lvpr", motion)
-    answers = [robot.update(image, stamp=float(number)) for number, image in enumerate(winter)]
+    rows = matches("winter", "--motion", motion, "--scores", "s.npy")
+    robot, answers, scores = Localizer("m.lvpr", motion), list[Match](), list[Any]()
+    assert robot.scores is None
+    for number, image in enumerate(winter):
+        answers.append(robot.update(image, stamp=float(number)))
+        scores.append(robot.scores)
+    assert np.array_equal(np.load("s.npy"), scores)
     assert [str(match.place) for match in answers] == [row["place"] for row in rows]
     assert [match.name for match in answers] == [row["place_name"] for row in rows]
     assert [str(match.accepted).lower() for match in answers] == [row["accepted"] for row in rows]
@@ -115,6 +119,7 @@ def test_it_starts_anew_when_reset(winter: Images, route: Model) -> None:
     first = [robot.update(image).probability for image in winter[:6]]
     assert [robot.update(image).probability for image in winter[:6]] != first
     robot.reset()
+    assert robot.scores is None
     assert [robot.update(image).probability for image in winter[:6]] == first
 
 

@@ -1,4 +1,4 @@
-"""What takes the answers of ``query`` as they come: a ROS bag, a page to look at."""
+"""What takes the answers of ``query`` as they come: a ROS bag, a matrix of scores, a page to look at."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.cli import common
 from lava_vpr.cli.common import PATH, console, noun, stage
-from lava_vpr.cli.outputs import Outputs, command_line, text_writer, write_stdout
+from lava_vpr.cli.outputs import Outputs, command_line, file_writer, text_writer, write_stdout
 from lava_vpr.encoding import Keep
 from lava_vpr.errors import shown
 from lava_vpr.matches import Match
@@ -25,6 +25,7 @@ from lava_vpr.model import Model
 from lava_vpr.recognition import Answered
 from lava_vpr.show.numbers import counted
 from lava_vpr.show.page import write_page
+from lava_vpr.storage.arrays import npy_begin
 from lava_vpr.traverse import Traverse
 
 Take = Callable[[Answered, list[Match]], None]
@@ -55,6 +56,22 @@ def bag(path: Path, asked: Asked) -> Iterator[Take]:
 
     with bag_writer(path, asked.model, asked.queries) as write:
         yield lambda some, found: write(some.images, some.answers, found)
+
+
+@contextmanager
+def scores(path: Path, asked: Asked) -> Iterator[Take]:
+    """What writes a row of scores for every query, one for each place, as `numpy.load` reads them from ``path``."""
+    places = asked.model.places
+    with file_writer(path) as write:
+        write(npy_begin((len(asked.queries), places), np.float64))
+
+        def take(some: Answered, found: list[Match]) -> None:
+            ranking, rows = some.answers.ranking, np.full((len(found), places), np.nan)
+            last, columns = ranking.scores.shape
+            rows[len(rows) - last :, ranking.first : ranking.first + columns] = ranking.scores
+            write(rows.tobytes())
+
+        yield take
 
 
 @contextmanager
@@ -109,6 +126,7 @@ class Writing:
         form: ``csv``, ``jsonl`` or ``sentence``; None: by the file's name.
         top: How many of the best places of each image are named.
         bag: Folder of a ROS 2 bag; None: none is wanted.
+        scores: File of all scores; None: none is wanted.
         report_folder: Folder of the page; None: no page.
     """
 
@@ -116,6 +134,7 @@ class Writing:
     form: str | None
     top: int
     bag: Path | None
+    scores: Path | None
     report_folder: Path | None
 
     @property
@@ -148,7 +167,7 @@ class Writing:
         if self.bag is not None and motion == NONE:
             raise click.UsageError("--bag has the covariance of what is believed; give --motion any or forward, too")
         folders = () if self.bag is None else (self.bag,)
-        return Outputs((self.file,), made=(self.page,), folders=folders, **inputs)
+        return Outputs((self.file, self.scores), made=(self.page,), folders=folders, **inputs)
 
     def rows(self) -> AbstractContextManager[Callable[[str], object]]:
         """What writes the rows."""
@@ -158,8 +177,8 @@ class Writing:
 
     @contextmanager
     def takers(self, asked: Asked) -> Iterator[Take]:
-        """What takes the answers beside: the bag and the page."""
-        wanted = ((bag, self.bag), (page, self.page))
+        """What takes the answers beside: the bag, the scores and the page."""
+        wanted = ((bag, self.bag), (scores, self.scores), (page, self.page))
         with ExitStack() as open_ones:
             takers = [open_ones.enter_context(opened(path, asked)) for opened, path in wanted if path is not None]
 
@@ -219,6 +238,13 @@ writing_options = noun(
         default=None,
         metavar="FOLDER",
         help="Write a ROS 2 bag, too: /initialpose, and rtabmap's posterior and links; with --motion.",
+    ),
+    click.option(
+        "--scores",
+        type=PATH,
+        default=None,
+        metavar="FILE.npy",
+        help="Write the score of every image at every place, too: float64 (images, places), for numpy.load.",
     ),
     click.option(
         "--report",

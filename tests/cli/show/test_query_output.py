@@ -13,12 +13,13 @@ import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.common.commands import images, run
+from support.common.commands import fails, images, run
 
-from lava_vpr import model as model_file, traverse
+from lava_vpr import model as model_file, recognition, traverse
 from lava_vpr.cli import main
 from lava_vpr.cli.show import streams
 from lava_vpr.encoding import encode_traverse
+from lava_vpr.matching.sequences import normalise_scores
 from lava_vpr.model import decode
 from lava_vpr.recognition import count_query_spikes
 from lava_vpr.traverse import open_traverse
@@ -86,6 +87,22 @@ def test_candidates_are_the_places_by_their_scores(here: Path) -> None:
         assert [found["place_name"] for found in line["candidates"]] == [model.place_names[k] for k in order]
         chances = [found["probability"] for found in line["candidates"]]
         assert chances == [line["probability"], None, None]
+
+
+@pytest.mark.parametrize("words", [(), FILTERED, ("--sequence", 3)])
+def test_all_scores_come_as_a_matrix(words: tuple[object, ...], here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recognition, "BATCH", 3)
+    alone = wanted = scores_of("query")
+    if words == ("--sequence", 3):  # normalised, of the last image and place of each; before are none
+        wanted, alone = np.full((8, 8), np.nan), normalise_scores(alone)
+        wanted[2:, 2:] = alone[:6, :6] + alone[1:7, 1:7] + alone[2:, 2:]
+    assert printed("query", "--scores", "s.npy", *words) == printed("query", *words)
+    found = np.load("s.npy")
+    assert found.dtype == np.float64
+    np.testing.assert_allclose(found, wanted, rtol=1e-12)
+    Path("some.txt").write_text(f"{images('query')[0]}\nnone.png\n")
+    fails("query", "m.lvpr", "some.txt", "-o", "q.csv", "--scores", "s.npy")
+    assert np.array_equal(np.load("s.npy"), found, equal_nan=True)
 
 
 def test_candidates_of_the_filter_have_probabilities(here: Path) -> None:
