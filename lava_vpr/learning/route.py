@@ -6,6 +6,7 @@ teach and the standard that vectors are measured by; they are encoded, learned, 
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,6 +27,7 @@ from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError, UsageError, shown
 from lava_vpr.events.files import is_recording
 from lava_vpr.inputs.windows import EventsConfig
+from lava_vpr.learning.behind import compared
 from lava_vpr.learning.references import Images, Places, each, encode_route, in_memory, located_each
 from lava_vpr.model import Model
 from lava_vpr.positions.track import MOST_GAP_S
@@ -38,6 +40,7 @@ from lava_vpr.training.stretches import UNSEEN, Monitor, learning_bar
 from lava_vpr.training.trainers import rule_settings
 from lava_vpr.traverse import Traverse, open_traverses
 
+_NOTES = logging.getLogger("lava_vpr")
 SETTINGS = {
     "input": ("encoder", "kind"),
     "epochs": ("learning", "epochs"),
@@ -267,7 +270,12 @@ class Training:
             raise
         with monitor.stage("calibrating probabilities"):
             model = calibrated(model, pool)
-        return Learned(model, time.perf_counter() - started)
+        seconds = time.perf_counter() - started
+        with monitor.stage("comparing with templates"):
+            found = compared(model, pool)
+        if found is not None and found.said is not None:
+            _NOTES.warning(found.said)
+        return Learned(model, seconds)
 
     def _opened(self, events: EventsConfig) -> list[Traverse]:
         """Each reference as a traverse, whole."""

@@ -16,6 +16,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import cache, partial
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -64,52 +65,60 @@ def measured(model: IntegerModel, pool: Pool = ONE_THREAD) -> Calibration:
         model: A model whose network is one of integers.
         pool: Who asks the networks; it does not change the result.
     """
-    repeats = min(_REPEATS, max(2, -(-SAMPLES // model.places)))
-    places = np.unique(np.linspace(0, model.places - 1, min(model.places, SAMPLES)).astype(np.int64))
-    vectors = INPUTS[model.config.encoder.kind].sees == "vector"
-    shares, channels = (ALTERED_VECTORS, model.config.encoder.layout.channels) if vectors else ((ALTERED,), 1)
-    asked = [_on_map(model, places, repeat, shares, channels) for repeat in range(repeats)]
+    asked = on_map(model)
+    repeats = len(asked)
     asked += [_off_map(model, number, *part, repeats) for number, part in enumerate(_without_parts(model))]
+    return Calibration(answered(model, asked, pool).astype(np.float32))
+
+
+class Question(NamedTuple):
+    """What is asked of a network.
+
+    Attributes:
+        places: The place that each presentation shows, int64 (presentations,); -1: none that the network knows.
+        block: Makes what is shown.
+        scores: Scores of the places, by spike counts.
+    """
+
+    places: NDArray[np.int64]
+    block: Callable[[], Block]
+    scores: Callable[[NDArray[np.int32]], NDArray[np.float64]]
+
+    def samples(self, counts: NDArray[np.int32]) -> NDArray[np.float64]:
+        """Margins of the answers that spike counts are, and which of `KINDS` each is, (presentations, 2)."""
+        scores = self.scores(counts)
+        kinds = np.where(best(scores) == self.places, RIGHT, WRONG)
+        return np.stack([margin(scores), np.where(self.places < 0, OFF_MAP, kinds)], axis=1)
+
+
+def answered(model: IntegerModel, asked: Sequence[Question], pool: Pool = ONE_THREAD) -> NDArray[np.float64]:
+    """The samples of all questions, one after another, float64 (presentations, 2)."""
     size = BLOCK if not pool.here else SAMPLES * _REPEATS
-    cuts = [-(-question.presentations // size) for question in asked]
+    cuts = [-(-len(question.places) // size) for question in asked]
     blocks = (part for question in asked for part in question.block().parts(size))
     counts = counted(of_integers, model.network, blocks, pool=pool, total=sum(cuts))
     samples = [
         question.samples(np.concatenate([some for some, _ in islice(counts, cut)]))
         for question, cut in zip(asked, cuts, strict=True)
     ]
-    return Calibration(np.concatenate(samples).astype(np.float32))
+    return np.concatenate(samples)
 
 
-class _Question(NamedTuple):
-    """What is asked of a network.
+def on_map(model: IntegerModel) -> list[Question]:
+    """Altered references, asked of the whole network, each repetition with noise of its own; networks that learned
+    equal references with equal settings of inputs and seed are asked the same."""
+    repeats = min(_REPEATS, max(2, -(-SAMPLES // model.places)))
+    places = np.unique(np.linspace(0, model.places - 1, min(model.places, SAMPLES)).astype(np.int64))
+    vectors = INPUTS[model.config.encoder.kind].sees == "vector"
+    shares, channels = (ALTERED_VECTORS, model.config.encoder.layout.channels) if vectors else ((ALTERED,), 1)
 
-    Attributes:
-        presentations: How many.
-        block: Makes what is shown.
-        samples: Margins of the answers that spike counts are, and which of `KINDS` each is, (presentations, 2).
-    """
-
-    presentations: int
-    block: Callable[[], Block]
-    samples: Callable[[NDArray[np.int32]], NDArray[np.float64]]
-
-
-def _on_map(
-    model: IntegerModel, places: NDArray[np.int64], repeat: int, shares: tuple[float, ...], channels: int
-) -> _Question:
-    """Altered references, asked of the whole network, with the noise of one repetition."""
-
-    def block() -> Block:
+    def block(repeat: int) -> Block:
         share = np.array(shares)[(np.arange(len(places)) + repeat) % len(shares)]
         first = model.activity[: model.places]  # the first traverse, straight ahead
         return _block(model, altered(first, places, model.config.seed, repeat, share, channels), repeat)
 
-    def samples(counts: NDArray[np.int32]) -> NDArray[np.float64]:
-        scores = _scores(model, model.responses, counts)
-        return np.stack([margin(scores), np.where(best(scores) == places, RIGHT, WRONG)], axis=1)
-
-    return _Question(len(places), block, samples)
+    scores = partial(scores_of, model, model.responses)
+    return [Question(places, cache(partial(block, repeat)), scores) for repeat in range(repeats)]
 
 
 def _off_map(
@@ -119,7 +128,7 @@ def _off_map(
     inside: NDArray[np.bool_],
     left_out: NDArray[np.int64],
     repeats: int,
-) -> _Question:
+) -> Question:
     """References that were left out, asked of the network without the neurons of their part of the route."""
     chosen = left_out[:: max(1, len(left_out) * _PARTS * _SHIFTS // SAMPLES)]
 
@@ -129,12 +138,10 @@ def _off_map(
         keys = np.concatenate([one.keys for one in shown])
         return Block(np.concatenate([one.rates for one in shown]), keys, kept=kept)
 
-    def samples(counts: NDArray[np.int32]) -> NDArray[np.float64]:
-        responses = np.ascontiguousarray(model.responses[kept][:, ~inside])
-        margins = margin(_scores(model, responses, counts))
-        return np.stack([margins, np.full(len(margins), OFF_MAP)], axis=1)
+    def scores(counts: NDArray[np.int32]) -> NDArray[np.float64]:
+        return scores_of(model, np.ascontiguousarray(model.responses[kept][:, ~inside]), counts)
 
-    return _Question(len(chosen) * repeats, block, samples)
+    return Question(np.full(len(chosen) * repeats, -1), block, scores)
 
 
 def altered(
@@ -174,7 +181,7 @@ def _block(model: IntegerModel, activity: NDArray[np.float32], repeat: int) -> B
     return Block(rates, presentation_keys(model.config.seed, "calibration", image_keys(rates), repeat))
 
 
-def _scores(model: IntegerModel, responses: NDArray[Any], counts: NDArray[np.int32]) -> NDArray[np.float64]:
+def scores_of(model: IntegerModel, responses: NDArray[Any], counts: NDArray[np.int32]) -> NDArray[np.float64]:
     """Scores by the model's own decoder, of places with these ``responses``."""
     decoder = model.config.decoder
     return decoders.decode(decoder.default, responses, counts, gamma=decoder.gamma)
