@@ -25,7 +25,7 @@ RIVALS = {"template": "template", "cosine": "cosine", "SAD": "sad"}
 
 COLUMNS = (
     *("pixels a side", "R@1", "R@100P", *RIVALS),
-    *("altered: network", "its templates", "their cosine", "`train` warns"),
+    *("altered: network", "its templates", "their cosine", "`train` says so"),
 )
 
 
@@ -41,7 +41,7 @@ def resized(folder: Path, which: str, side: int) -> Traverse:
 
 def cells(folder: Path, side: int) -> list[str]:
     """A row: R@1 and R@100P of the default, the mean over seeds, and R@1 of simpler matchers, of the last seed; which
-    shares of altered references network, templates and cosine find, means over seeds, and in how many `train` warns."""
+    shares of altered references network, templates and cosine find, means over seeds, and in how many `train` tells."""
     pair = [resized(folder / f"{which}_{side}", which, side) for which in ("reference", "query")]
     comparison = Comparison(rivals=tuple(RIVALS.values()), keep_scores=False)
     results = recognised(EVENTS, *pair, truth(ALL), SEEDS, comparison)
@@ -51,8 +51,8 @@ def cells(folder: Path, side: int) -> list[str]:
     models = (train(str(folder / f"reference_{side}"), config=EVENTS, seed=seed) for seed in SEEDS)
     asked = [found for model in models if (found := compared(model)) is not None]
     shares = np.mean([np.mean(found, axis=1) for found in asked], axis=0)
-    warned = sum(found.said is not None for found in asked)
-    return [str(side), *(fraction(float(value)) for value in (*means, *rivals, *shares)), f"{warned} of {len(asked)}"]
+    told = sum(found.said is not None for found in asked)
+    return [str(side), *(fraction(float(value)) for value in (*means, *rivals, *shares)), f"{told} of {len(asked)}"]
 
 
 @program("lens_example")
