@@ -31,7 +31,7 @@ DEVIATIONS = 3.0
 many standard deviations of what chance alone makes of their difference."""
 
 
-class Found(NamedTuple):
+class Compared(NamedTuple):
     """Which altered references are found by the network, its templates and the cosine of its inputs, each bool (n,)."""
 
     network: NDArray[np.bool_]
@@ -56,7 +56,7 @@ class Found(NamedTuple):
         return more > DEVIATIONS * math.sqrt(np.count_nonzero(other != self.network))
 
 
-def compared(model: Model, pool: Pool = ONE_THREAD) -> Found | None:
+def compared(model: Model, pool: Pool = ONE_THREAD) -> Compared | None:
     """What a network and what learned nothing find of its references, altered.
 
     Args:
@@ -82,4 +82,4 @@ def compared(model: Model, pool: Pool = ONE_THREAD) -> Found | None:
 
     references = query_rates(learned.activity, learned.config)
     likest = [best(cosine_similarities(references, one.block().rates, learned.labels)) == one.places for one in asked]
-    return Found(found(learned), found(template), np.concatenate(likest))
+    return Compared(found(learned), found(template), np.concatenate(likest))

@@ -15,7 +15,7 @@ from lava_vpr.configfile import update
 from lava_vpr.encoding import query_rates
 from lava_vpr.errors import ConfigError
 from lava_vpr.learning import behind as asking, route
-from lava_vpr.learning.behind import Found, compared
+from lava_vpr.learning.behind import Compared, compared
 from lava_vpr.maps.changes import join, part_of
 from lava_vpr.matching.probability import OFF_MAP, RIGHT
 from lava_vpr.model import IntegerModel, Model
@@ -84,7 +84,7 @@ def test_of_a_long_map_the_first_places_are_asked(monkeypatch: pytest.MonkeyPatc
 
 def test_training_tells_of_it(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     none, all_ = np.zeros(40, bool), np.ones(40, bool)
-    monkeypatch.setattr(route, "compared", lambda model, pool: Found(none, all_, all_))
+    monkeypatch.setattr(route, "compared", lambda model, pool: Compared(none, all_, all_))
     with caplog.at_level(logging.WARNING, "lava_vpr"):
         train(rates=np.eye(4), learning="template", threads=1)
     assert [message.split(":")[0] for message in caplog.messages] == [
