@@ -93,7 +93,8 @@ def test_candidates_are_the_places_by_their_scores(here: Path) -> None:
 def test_all_scores_come_as_a_matrix(words: tuple[object, ...], here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recognition, "BATCH", 3)
     alone = wanted = scores_of("query")
-    if words == ("--sequence", 3):  # normalised, of the last image and place of each; before are none
+    words = (*words, "--adapt", "off")
+    if "--sequence" in words:  # normalised, of the last image and place of each; before are none
         wanted, alone = np.full((8, 8), np.nan), normalise_scores(alone)
         wanted[2:, 2:] = alone[:6, :6] + alone[1:7, 1:7] + alone[2:, 2:]
     assert printed("query", "--scores", "s.npy", *words) == printed("query", *words)
