@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 from support.common import children
-from support.common.commands import link_route, make_route
+from support.common.commands import linked_route, make_route
 from support.lava import copies
 
 from lava_vpr.backends.lava import lava_missing
@@ -155,7 +155,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def here(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder of its own to work in, which sees what was made."""
     monkeypatch.chdir(tmp_path)
-    return link_route(made, tmp_path)
+    with linked_route(made, tmp_path) as folder:
+        yield folder

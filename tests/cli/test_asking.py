@@ -106,6 +106,7 @@ def test_who_tracks_a_robot_adapts_as_the_model_says(
 def test_a_filter_in_eval_is_of_queries_as_query_asks_them(here: Path) -> None:
     header, arrays = container.load(Path("m.lvpr"), "model")
     header["config"]["network"]["adapt"] = 2
+    Path("m.lvpr").unlink()  # a link
     container.save(Path("m.lvpr"), "model", header, arrays)
     told = {how: figures("query", *how) for how in ((), ("--adapt", 2), ("--adapt", "off"))}
     chances = {how: values["curves"]["followed"]["filtered"]["threshold"] for how, values in told.items()}

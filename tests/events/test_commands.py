@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.common import children
-from support.common.commands import fails, link_route, matches, run
+from support.common.commands import fails, linked_route, matches, run
 from support.common.eventfiles import EVENT, Made, aedat4, dsec, made
 
 from lava_vpr.config import EncoderConfig, for_events, preset
@@ -57,10 +57,11 @@ def made_drives(folder: Path) -> Path:
 
 
 @pytest.fixture
-def there(drives: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def there(drives: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder of its own to work in, which sees what was made."""
     monkeypatch.chdir(tmp_path)
-    return link_route(drives, tmp_path)
+    with linked_route(drives, tmp_path) as folder:
+        yield folder
 
 
 def test_a_drive_of_events_is_recognised_from_another_at_another_speed(there: Path) -> None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.common.commands import PLACES, fails, figures, link_route, matches, recall, run
+from support.common.commands import PLACES, fails, figures, linked_route, matches, recall, run
 
 from lava_vpr import Localizer, model as model_file, train
 from lava_vpr.config import preset
@@ -45,9 +45,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def route(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(link_route(made, tmp_path))
-    return tmp_path
+def route(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    monkeypatch.chdir(tmp_path)
+    with linked_route(made, tmp_path) as folder:
+        yield folder
 
 
 @pytest.mark.usefixtures("route")

@@ -12,6 +12,8 @@ import json
 import os
 import re
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -59,11 +61,20 @@ def make_route(root: Path) -> Path:
     return root
 
 
-def link_route(made: Path, folder: Path) -> Path:
-    """A folder to work in that sees what was made; nothing is written through the links."""
+@contextmanager
+def linked_route(made: Path, folder: Path) -> Iterator[Path]:
+    """A folder to work in that sees what was made; whatever is written through the links is an error at the end."""
+    before = _files(made)
     for entry in made.iterdir():
         os.symlink(entry, folder / entry.name)
-    return folder
+    yield folder
+    assert _files(made) == before, "written through a link, where the tests that follow see it"
+
+
+def _files(folder: Path) -> dict[Path, tuple[int, int, int]]:
+    """What changes when a file below ``folder`` is written."""
+    found = ((path, path.stat()) for path in folder.rglob("*") if path.is_file())
+    return {path: (stat.st_ino, stat.st_size, stat.st_mtime_ns) for path, stat in found}
 
 
 def figures(*words: object) -> dict[str, Any]:
