@@ -262,7 +262,8 @@ def recognise(
     names = rivals_of(model, comparison.rivals)
     files, labels = comparison.descriptors, model.labels
     others = files and descriptor_similarities(*files, n_references=len(labels), n_queries=len(queries), labels=labels)
-    (asking := comparison.asking).check(model)
+    asking = comparison.asking
+    asking.check(model)
     shown = Asker(model, seed=seed).presentations((queries, *further)) if shown is None else shown
     shown_counts, events = count_query_spikes(
         model, queries, backend=backend, threads=pool.threads, advance=advance, shown=shown

@@ -56,8 +56,12 @@ class RunningMean:
         for row, value, counts in zip(means, values, moving, strict=True):
             row[:] = self.now
             if counts:
-                self.now += (value - self.now) / self._tau
+                self.add(value)
         return means
+
+    def add(self, value: NDArray[np.float64]) -> None:
+        """Take the values (k,) of the next query."""
+        self.now += (value - self.now) / self._tau
 
 
 class Motion:
@@ -98,7 +102,9 @@ class Adaptation:
         values = np.pad(rates, ((0, 0), (0, 1))).astype(np.float64)  # the start is never seen again
         means = np.empty_like(values)
         for row, value, moving in zip(means, values, self._motion.moving(rates), strict=True):
-            row[:] = self._mean.before(value[None], np.array([moving and self._news(value)]))[0]
+            row[:] = self._mean.now
+            if moving and self._news(value):
+                self._mean.add(value)
         shown, start = np.rint(means[:, :-1]).astype(np.uint16), means[:, -1:]
         drives = self._network.drives(shown) / RATE_UNIT - start * (self._network.bias / (1 << INPUT_SHIFT))
         return biases_of(drives, self._network.safe_bias)

@@ -65,6 +65,7 @@ def test_a_map_shows_the_images_where_they_were_taken_or_at_their_matches(
 def test_where_probabilities_are_not_known_confidence_stands(words: tuple[str, ...], here: Path) -> None:
     run("query", "m.lvpr", "query", "--report", "r", *words)
     assert payload()["what"] == "confidence"
+    assert ("each image alone" in PAGE.read_text(encoding="utf-8")) == ("--sequence" not in words)
 
 
 def test_other_files_of_the_folder_stay(here: Path) -> None:

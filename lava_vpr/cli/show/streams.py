@@ -108,9 +108,8 @@ def _facts(asked: Asked) -> dict[str, str]:
     together = asked.together
     facts = {"map": counted(asked.model.places, "place"), "images": str(len(asked.queries))}
     if together.sequence > 1:
-        facts["sequences of"] = str(together.sequence)
-    facts["motion"] = {NONE: "each image alone"}.get(together.motion, together.motion)
-    return facts
+        return {**facts, "sequences of": str(together.sequence)}
+    return {**facts, "motion": "each image alone" if together.motion == NONE else together.motion}
 
 
 STDOUT = Path("-")
