@@ -194,7 +194,12 @@ class TimeConstant(Number):
     """A number of queries, or one of the words that stand for one."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        return value if value in (MODELS, OFF) else super().convert(value, param, ctx)
+        if value in (MODELS, OFF):
+            return value
+        try:
+            return super().convert(value, param, ctx)
+        except click.BadParameter as error:
+            self.fail(f"{error.message.rstrip('.')}; give a number of queries, at least 1, or {OFF}", param, ctx)
 
 
 asking_options = noun(

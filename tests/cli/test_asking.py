@@ -103,6 +103,12 @@ def test_who_tracks_a_robot_adapts_as_the_model_says(
     assert (asked[0] == asked[1]) == ("any" not in words)
 
 
+@pytest.mark.parametrize("given", ["0", "foo", "nan"])
+def test_what_is_no_time_constant_is_refused_with_what_is_one(given: str) -> None:
+    told = " ".join(fails("query", "m.lvpr", "query", "--adapt", given, code=2).split())
+    assert told.endswith("; give a number of queries, at least 1, or off")
+
+
 def test_a_filter_in_eval_is_of_queries_as_query_asks_them(here: Path) -> None:
     header, arrays = container.load(Path("m.lvpr"), "model")
     header["config"]["network"]["adapt"] = 2
