@@ -158,8 +158,8 @@ def test_memory_does_not_grow_with_the_number_of_images(here: Path, monkeypatch:
     for k in range(3):
         cv2.imwrite(f"small{k}.png", np.random.default_rng(k).integers(0, 256, (24, 32)).astype(np.uint8))
     peak(3)  # what is imported and compiled at the first call is no cost of the images
-    few, more = peak(200), peak(1200)
-    assert (more - few) / 1000 < 120
+    few, more = peak(200), peak(3200)  # so many that garbage not yet collected, up to 60 kB, counts little
+    assert (more - few) / 3000 < 120
 
 
 @pytest.fixture
