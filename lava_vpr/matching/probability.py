@@ -3,9 +3,9 @@
 The margin is the best score less the second. How it is distributed is measured on the references, without any query
 (`lava_vpr.training.measuring`): of references that were altered, right and wrong; and of references whose places were
 left out of the map, which is what an image off the map looks like. A logistic curve through both, each with half of the
-weight, is the probability **if half of the queries are off the map** (`HALF`), and one through those on the map if none
-is. The two say how many times as likely a margin is on the map as off it, and so any other share P, the prior, enters
-by Bayes' rule.
+weight, is the probability **if half of the queries are off the map** (`HALF`). A curve through references that were
+varied, in more ways and by more and less, is the probability if none is. The two say how many times as likely a margin
+is on the map as off it, and so any other share P, the prior, enters by Bayes' rule.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from lava_vpr.errors import ConfigError
 from lava_vpr.matching.decoders import margin
 from lava_vpr.matching.equations import Scores
 
-RIGHT, WRONG, OFF_MAP = KINDS = (1.0, 0.0, -1.0)
-"""What a sample of a calibration was: an altered reference matched by its place or by another, or one off the map."""
+RIGHT, WRONG, OFF_MAP, VARIED_RIGHT, VARIED_WRONG = KINDS = (1.0, 0.0, -1.0, 3.0, 2.0)
+"""What a sample of a calibration was: an altered reference matched by its place or by another, one off the map, or a
+varied one matched by its place or by another."""
 PRECISION = 0.95
 """The share of accepted matches that shall be right, unless another is asked for."""
 HALF = 0.5
@@ -63,15 +64,27 @@ class Calibration:
     """Margins of references, and what became of them.
 
     Attributes:
-        samples: float32 (k, 2): the margin of each, and `RIGHT`, `WRONG` or `OFF_MAP`; some on the map and some off it.
+        samples: float32 (k, 2): the margin of each, and which of `KINDS` it was; some on the map and some off it. Of
+            vectors, and in older files, none is varied: the altered ones stand for them.
     """
 
     samples: NDArray[np.float32] = field(repr=False)
 
-    def _weights(self, off_map: float) -> NDArray[np.float64]:
-        """The weight of each sample: those off the map have ``off_map`` of it, those on it the rest."""
-        off = self.samples[:, 1] == OFF_MAP
-        return np.where(off, off_map / max(1, int(off.sum())), (1.0 - off_map) / max(1, int((~off).sum())))
+    def _weighed(self, off_map: float) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.float64]]:
+        """Margins, kinds and weights of the samples that count. Those off the map have ``off_map`` of the weight, those
+        on it the rest: from `HALF` on the altered ones, and the less is off the map, the more of it the varied ones."""
+        kinds = self.samples[:, 1]
+        off, varied = kinds == OFF_MAP, kinds >= VARIED_WRONG
+        share = max(0.0, 1.0 - off_map / HALF) if varied.any() else 0.0
+        weights = np.zeros(len(kinds))
+        for those, weight in (
+            (off, off_map),
+            (varied, (1 - off_map) * share),
+            (~off & ~varied, (1 - off_map) * (1 - share)),
+        ):
+            weights[those] = weight / max(1, int(those.sum()))
+        used = off | (weights > 0)
+        return self.samples[used, 0].astype(np.float64), kinds[used], weights[used]
 
     @cached_property
     def curve(self) -> Fit:
@@ -85,10 +98,11 @@ class Calibration:
 
     def _fitted(self, off_map: float) -> Fit:
         """The logistic curve that fits the samples best (Newton's method; a little ridge keeps the slope finite)."""
-        margins, right = self.samples[:, 0].astype(np.float64), self.samples[:, 1] == RIGHT
+        margins, kinds, weights = self._weighed(off_map)
+        right = np.isin(kinds, (RIGHT, VARIED_RIGHT))
         centre, spread = float(margins.mean()), float(margins.std()) or 1.0
         terms = np.stack([np.ones(len(margins)), (margins - centre) / spread])
-        ridge, at, weights = np.diag([0.0, 2 * _RIDGE]), np.zeros(2), self._weights(off_map)
+        ridge, at = np.diag([0.0, 2 * _RIDGE]), np.zeros(2)
         for _ in range(_ROUNDS):
             chance = _logistic(at @ terms)
             slope = terms @ (weights * (chance - right)) + ridge @ at
@@ -138,8 +152,8 @@ class Calibration:
             ConfigError: the precision is out of its range.
         """
         check_precision(precision)
-        chance, off = self._chances(self.samples[:, 0].astype(np.float64), off_map), self.samples[:, 1] == OFF_MAP
-        weights = self._weights(off_map)
+        margins, kinds, weights = self._weighed(off_map)
+        chance, off = self._chances(margins, off_map), kinds == OFF_MAP
         order = np.argsort(-chance, kind="stable")
         accepted, hits = np.cumsum(weights[order]), np.cumsum((weights * chance)[order])
         last = np.append(np.diff(chance[order]) != 0, True)  # equal ones are accepted together

@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 from lava_vpr.errors import ConfigError
 from lava_vpr.matching.answers import ALONE, Answerer, Answers, Together, accepted, answers_of, least_probability
 from lava_vpr.matching.decoders import margin
-from lava_vpr.matching.probability import OFF_MAP, RIGHT, WRONG, Calibration, reliability
+from lava_vpr.matching.probability import OFF_MAP, RIGHT, VARIED_RIGHT, VARIED_WRONG, WRONG, Calibration, reliability
 from lava_vpr.matching.trust import trust
 
 
@@ -26,23 +26,47 @@ def samples(seed: int, on_map: int = 300, off_map: int = 200) -> NDArray[np.floa
     return np.concatenate([on, off]).astype(np.float32)
 
 
+def varied(seed: int) -> NDArray[np.float32]:
+    """The same, and of more on the map that are wrong more often."""
+    more = samples(seed + 100, 150, 0)
+    return np.concatenate([samples(seed), np.stack([more[:, 0] / 2, more[:, 1] + VARIED_WRONG], axis=1)])
+
+
 FAR = np.array([[10, RIGHT]] * 5 + [[1000, RIGHT]] + [[1, OFF_MAP]] * 50 + [[12, OFF_MAP]] * 3, np.float32)
 """Of which one margin is a hundred times the others."""
 
 
 @pytest.mark.parametrize("taken", [*map(samples, range(5)), FAR])
 def test_the_curve_is_the_likeliest(taken: NDArray[np.float32]) -> None:
-    margins, right = taken[:, 0].astype(float), taken[:, 1] == RIGHT
     off = taken[:, 1] == OFF_MAP
     weights = np.where(off, 0.5 / off.sum(), 0.5 / (~off).sum())
+    wanted = likeliest(taken[:, 0].astype(float), taken[:, 1] == RIGHT, weights)
+    assert Calibration(taken).curve == pytest.approx(wanted, rel=1e-4)
+
+
+def test_all_on_the_map_the_varied_ones_count_and_half_off_it_the_others() -> None:
+    taken = varied(0)
+    known, without = Calibration(taken), Calibration(samples(0))
+    assert (known.curve, known.keeping(0.9)) == (without.curve, without.keeping(0.9))
+    counts = taken[taken[:, 1] != RIGHT]
+    counts = counts[counts[:, 1] != WRONG]
+    weights = (counts[:, 1] != OFF_MAP) / 150
+    wanted = likeliest(counts[:, 0].astype(float), counts[:, 1] == VARIED_RIGHT, weights)
+    assert known.on_map == pytest.approx(wanted, rel=1e-4)
+
+
+def likeliest(
+    margins: NDArray[np.float64], right: NDArray[np.bool_], weights: NDArray[np.float64]
+) -> tuple[float, float]:
+    """Offset and slope of the curve."""
     spread = margins.std()
 
     def loss(curve: NDArray[np.float64]) -> float:
         exponents = np.where(right, -1.0, 1.0) * (curve[0] + curve[1] * margins)
         return float((weights * np.logaddexp(0.0, exponents)).sum() + 1e-3 * (curve[1] * spread) ** 2)
 
-    wanted = minimize(loss, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-14, "maxiter": 4000})
-    assert Calibration(taken).curve == pytest.approx(tuple(wanted.x), rel=1e-4)
+    found = minimize(loss, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-14, "maxiter": 4000})
+    return float(found.x[0]), float(found.x[1])
 
 
 def test_probability_follows_the_margin() -> None:
@@ -81,16 +105,21 @@ def test_margins_that_tell_nothing_give_half_of_the_right_a_chance() -> None:
     assert Calibration(reversed_).curve.slope == 0.0
 
 
-@pytest.mark.parametrize("off_map", [0.5, 0.2])
+@pytest.mark.parametrize("taken", [samples(3), varied(3)], ids=["altered", "varied"])
+@pytest.mark.parametrize("off_map", [0.6, 0.5, 0.2])
 @pytest.mark.parametrize("precision", [0.8, 0.9, 0.95, 0.99])
-def test_a_threshold_keeps_as_much_as_the_precision_allows(precision: float, off_map: float) -> None:
-    taken = samples(3)
+def test_a_threshold_keeps_as_much_as_the_precision_allows(
+    taken: NDArray[np.float32], precision: float, off_map: float
+) -> None:
     calibration = Calibration(taken)
     kept = calibration.keeping(precision, off_map)
     scores = np.stack([taken[:, 0].astype(float), np.zeros(len(taken))], axis=1)
     chances = calibration.probabilities(scores + 1.0, off_map)
     off = taken[:, 1] == OFF_MAP
-    weights = np.where(off, off_map / off.sum(), (1 - off_map) / (~off).sum())
+    more = taken[:, 1] >= 2
+    share = {0.6: 0.0, 0.5: 0.0, 0.2: 0.6}[off_map] if more.any() else 0.0
+    on_map = np.where(more, share / max(1, more.sum()), (1 - share) / (~off & ~more).sum())
+    weights = np.where(off, off_map / off.sum(), (1 - off_map) * on_map)
 
     def by(least: float) -> float:
         good = chances >= least
@@ -98,9 +127,9 @@ def test_a_threshold_keeps_as_much_as_the_precision_allows(precision: float, off
 
     assert by(kept.probability) == pytest.approx(kept.precision)
     assert kept.precision >= precision
-    lower = chances[chances < kept.probability]
+    lower = chances[(chances < kept.probability) & (weights > 0)]
     assert len(lower) == 0 or by(lower.max()) < precision
-    assert kept.kept == pytest.approx((chances[~off] >= kept.probability).mean())
+    assert kept.kept == pytest.approx((chances[~off & (weights > 0)] >= kept.probability).mean())
     assert kept.false_accepts == pytest.approx((chances[off] >= kept.probability).mean())
 
 

@@ -103,6 +103,12 @@ def literal(model: IntegerModel, shares: Sequence[float], channels: int) -> list
                         shown[at] = model.activity[int(20 * draws[points + point]), at]
             margin, best = asked(model, shown, repeat, everything, everywhere)
             samples.append([margin, 1.0 if best == place else 0.0])
+    return samples + _without_parts(model) + (_varied(model) if channels == 1 else [])
+
+
+def _without_parts(model: IntegerModel) -> list[list[float]]:
+    """The samples off the map."""
+    everything, everywhere, samples = list(range(model.neurons)), list(range(20)), []
     for number, (gone, amid) in enumerate(PARTS, start=1):
         spikes = model.responses.tolist()
         left = [neuron for neuron in everything if not any(spikes[neuron]) or _first(spikes[neuron]) not in gone]
@@ -114,6 +120,42 @@ def literal(model: IntegerModel, shares: Sequence[float], channels: int) -> list
     return samples
 
 
+def _varied(model: IntegerModel) -> list[list[float]]:
+    """Those of references altered by 0.7, 0.8 and 0.9 in turns, in the second and fourth turn seen otherwise."""
+    activity, inputs, samples = model.activity[:20], model.activity.shape[1], []
+    for turn in range(4):
+        for place in range(20):
+            noise = 4 * 9 + turn
+            draws = uniform(presentation_key(model.config.seed, "calibration", place, noise), 2 * inputs)
+            share = (0.7, 0.8, 0.9)[(place + noise) % 3]
+            shown = np.array(
+                [activity[int(20 * draws[inputs + at]) if draws[at] < share else place, at] for at in range(inputs)],
+                np.float32,
+            )
+            if turn in (1, 3):
+                shown = otherwise(shown, model.config.encoder.layout.grid, place + turn)
+            margin, best = asked(model, shown, noise, list(range(model.neurons)), list(range(20)))
+            samples.append([margin, 3.0 if best == place else 2.0])
+    return samples
+
+
+def otherwise(image: NDArray[np.float32], grid: int, turn: int) -> NDArray[np.float32]:
+    """An image in another view, light, or with a corner covered; the sides are left, top, right and bottom."""
+    kind, side = turn % 4, turn // 4 % 4
+    made = image.copy()
+    for at in range(len(image)):
+        row, column = at // grid % grid, at % grid
+        along = (column, row, grid - 1 - column, grid - 1 - row)[side]
+        across = (row, grid - 1 - column, grid - 1 - row, column)[side]
+        if kind == 1 and along:
+            made[at] = (image[at] + image[at - (1, grid, -1, -grid)[side]]) / 2
+        elif kind == 2:
+            made[at] *= np.linspace(0.4, 1.6, grid, dtype=np.float32)[along]
+        elif kind == 3 and along < grid // 2 and across < grid // 2:
+            made[at] = 0.0
+    return made
+
+
 def _first(spikes: list[int]) -> int:
     return spikes.index(max(spikes))
 
@@ -122,6 +164,7 @@ def test_altered_images_and_missing_parts_by_plain_loops() -> None:
     model = of_images()
     wanted = np.array(literal(model, [0.8], 1), np.float32)
     assert (wanted[80:, 0] > 0).mean() > 0.5
+    assert {2.0, 3.0} <= set(wanted[:, 1].tolist())
     np.testing.assert_array_equal(measured(model).samples, wanted)
 
 
