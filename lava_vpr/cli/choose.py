@@ -75,7 +75,7 @@ class TruthOptions:
         gt: File with the correct places of each query.
         positions: Files with the positions of the reference and of the query images.
         radius: Metres within which a place is correct, by positions.
-        tolerance: Places along the route that a match may be off, without ``gt`` and positions.
+        tolerance: Places along the route that a match may be off, by order or by ``gt``; without positions.
         where: Where the queries were taken, to be held against the model's own positions.
         in_step: Whether order may tell which place a query shows.
     """
@@ -100,9 +100,8 @@ class TruthOptions:
                 "--radius needs positions, and --gt says itself what is correct; give one of them",
             ),
             (
-                self.tolerance and not (self.aligned and not told),
-                "--tolerance counts places along the route; --gt and positions (with --radius M) say themselves what "
-                "is correct",
+                self.tolerance and self.gt is None and (by_files or told),
+                "--tolerance counts places along the route; positions (with --radius M) say themselves what is correct",
             ),
         ):
             if wrong:
@@ -113,7 +112,7 @@ class TruthOptions:
         answer is correct within half of that, unless the user says otherwise."""
         if not route.by_position or route.opened is None:
             return self
-        if self.tolerance:
+        if self.tolerance and self.gt is None:
             raise click.UsageError("--tolerance counts along the route, and no order tells that here; give --radius M")
         spacing = route.opened.layout.spacing
         exact = spacing is not None and self.radius is None and self.gt is None
@@ -152,7 +151,7 @@ class TruthOptions:
 
         Where order tells nothing and there is no ground truth, the image nearest to each place is its query.
         """
-        if self.tolerance:  # by order, whatever their names tell
+        if self.tolerance and self.gt is None:  # by order, whatever their names tell
             return choose_queries(model, whole, places, aligned=True)
         self.where.check(model)
         known = model.positions is not None and (self.where.positions is not None or whole.positions is not None)
@@ -191,7 +190,7 @@ class TruthOptions:
             InputError: a file cannot be used, or says nothing about a query.
         """
         if self.gt is not None:
-            truth = read_ground_truth(self.gt, queries.indices, model.place_indices)
+            truth = read_ground_truth(self.gt, queries.indices, model.place_indices, self.tolerance)
         elif located is not None and not self.tolerance:
             truth = located.truth(self.near)
         elif self.radius is not None:

@@ -5,9 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import click
+import numpy as np
+from click.core import ParameterSource
+from numpy.typing import NDArray
 
+from lava_vpr import __version__
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import calibration_of
 from lava_vpr.backends.rivals import BASELINES, chosen as rivals_of, kept_for, missing
@@ -26,8 +31,10 @@ from lava_vpr.cli.nouns import (
 from lava_vpr.cli.outputs import command_line, show_results
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.recall import recall_table, trust_tables
-from lava_vpr.datasets.selecting import Benchmark
+from lava_vpr.datasets.selecting import Benchmark, Selection
 from lava_vpr.encoding import EncodedTraverse, Keep
+from lava_vpr.matching.evaluation import leaps
+from lava_vpr.matching.forward_filter import FASTEST, NONE
 from lava_vpr.model import Model
 from lava_vpr.recognition import Comparison, Recognition, as_json, recognise
 from lava_vpr.show.table import Table
@@ -89,6 +96,7 @@ def evaluate(
     backends.require(backend, model)
     truth = truth.for_route(route)
     traverse, located, correct = truth.open(model, route, asked.places, outputs)
+    compared = replace(compared, motion=_motion(ctx, compared, route, correct))
     names = rivals_of(model, compared.rivals or None)
     kept = kept_for(names) | (Keep.THUMBNAILS if page is not None else Keep.NOTHING)
     with pool_at(address) as pool:
@@ -99,10 +107,24 @@ def evaluate(
             running = partial(recognise, pool=pool, advance=advance)
             result = running(model, queries, correct, how, backend=backend, seed=seed, further=further)
     errors = None if located is None else PositionErrors(located, located.errors(result.matches), truth.near)
-    files = {results.json_path: as_json(model, result, errors)}
-    show_results(
-        _said(model, result, errors, compared), files, page, lambda: _page(ctx, model, queries, result, errors)
-    )
+    files = {results.json_path: {**_named(asked, route), **as_json(model, result, errors)}}
+    said = _said(model, result, errors, compared)
+    show_results(said, files, page, lambda: _page(ctx, model, queries, result, errors))
+
+
+def _named(asked: Queries, route: Selection) -> dict[str, str]:
+    """Who found the figures, and of what: names without folders."""
+    return {"model": asked.model_path.name, "query": Path(route.sources[0]).name, "version": __version__}
+
+
+def _motion(ctx: click.Context, compared: Comparison, route: Selection, correct: NDArray[np.bool_]) -> str:
+    """How the robot may have moved: as the user says, or not at all where the queries are no drive, which is told."""
+    chosen = ctx.get_parameter_source("motion") is not ParameterSource.DEFAULT
+    drive = (route.opened is None or route.opened.dataset.route) and not leaps(correct, FASTEST)
+    if chosen or drive or compared.sequence > 1:
+        return compared.motion
+    stderr.print("note: the queries are no drive through the map, so none is filtered; --motion any filters them")
+    return NONE
 
 
 def _said(

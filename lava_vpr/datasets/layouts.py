@@ -71,6 +71,7 @@ class Dataset:
         unsaid: What the paper does not say.
         sections: Sections of the route that the paper learns, one model each.
         places: Places of a section.
+        route: Whether places follow each other; else no image tells of the next.
     """
 
     name: str
@@ -86,6 +87,7 @@ class Dataset:
     unsaid: str
     sections: int
     places: int = 100
+    route: bool = True
 
     def section(self, number: int) -> tuple[int, int]:
         """Places A, B of a section, A..B-1, counted among the sampled places.
@@ -202,6 +204,7 @@ DATASETS.register(
         unsaid="Which images the sections hold, and which of the two times is learned: here they follow each other "
         "from the first image on, and ref is learned.",
         sections=6,
+        route=False,
     )
 )
 DATASETS.register(

@@ -106,6 +106,20 @@ def truth_from_indices(query_idx: NDArray[Any], place_idx: NDArray[Any], toleran
     return truth
 
 
+def leaps(truth: Truth, furthest: int) -> bool:
+    """Whether most queries show no place within ``furthest`` of those that the query before shows: they are no drive.
+
+    Args:
+        truth: bool (n_queries, n_places); queries that show no place, and those after them, do not count.
+        furthest: Places that a drive may go from one query to the next.
+    """
+    first, last = truth.argmax(axis=1), truth.shape[1] - 1 - truth[:, ::-1].argmax(axis=1)
+    between = np.maximum(first[1:] - last[:-1], first[:-1] - last[1:])
+    placed = truth.any(axis=1)
+    between = between[placed[1:] & placed[:-1]]
+    return bool(2 * np.count_nonzero(between > furthest) > len(between))
+
+
 def truth_from_positions(ref_xy: NDArray[Any], query_xy: NDArray[Any], radius: float) -> Truth:
     """Ground truth from positions: places at most ``radius`` from where the query was taken.
 

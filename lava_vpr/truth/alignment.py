@@ -5,6 +5,7 @@ file of index sets, in absolute indices.
 from __future__ import annotations
 
 import json
+import logging
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -23,6 +24,8 @@ from lava_vpr.storage.arrays import note_zeros, read_array
 from lava_vpr.storage.reading import parse_json
 from lava_vpr.storage.tables import file_text, text_lines
 from lava_vpr.traverse import Traverse
+
+_NOTES = logging.getLogger("lava_vpr")
 
 
 def by_number(model: Model, queries: Traverse) -> bool:
@@ -197,7 +200,7 @@ def located_by(model: Model, queries: Traverse, files: tuple[Path, Path]) -> Loc
 
 
 def read_ground_truth(
-    path: Path, query_indices: NDArray[np.int64], place_indices: NDArray[np.int64]
+    path: Path, query_indices: NDArray[np.int64], place_indices: NDArray[np.int64], tolerance: int = 0
 ) -> NDArray[np.bool_]:
     """Which places are correct for which query, from a file in absolute indices (those of the whole sequences).
 
@@ -205,7 +208,8 @@ def read_ground_truth(
       lines, or none (then no place is correct); # comments and one header line without digits are skipped;
     * .json: ``{"7": [6, 7, 8], "9": 9}``, or a list whose item k is for query k;
     * .npy, integers (n,): entry k is the place of query k, negative for none; (n, 2): rows of query and place;
-    * .npy, booleans, or numbers 0 and 1 in at least 3 columns, (n, m): row k for query k, column l for place l.
+    * .npy, booleans, or numbers 0 and 1 in at least 3 columns, (n, m): row k for query k, column l for place l; or the
+      other way round, which is recognised where only that fits the numbers of queries and places, and told.
 
     Arrays and lists have an entry for every query (and column for every place) of this run, or of the whole sequences.
     Places that are not in this run are left out.
@@ -213,6 +217,7 @@ def read_ground_truth(
         path: The file.
         query_indices: Absolute index of each query of this run, int64 (n_queries,).
         place_indices: Absolute index of each place of this run, int64 (n_places,).
+        tolerance: How far a place may be off a correct one, by index, and is correct, too.
     Returns:
         Boolean (n_queries, n_places).
     Raises:
@@ -230,7 +235,7 @@ def read_ground_truth(
     places_of: dict[int, set[int]] = {}
     for query, places in entries:
         places_of.setdefault(query, set()).update(places)
-    return _truth_of_sets(path, places_of, query_indices, place_indices)
+    return _truth_of_sets(path, places_of, query_indices, place_indices, tolerance)
 
 
 Entries = Iterable[tuple[int, Iterable[int]]]
@@ -238,16 +243,21 @@ Entries = Iterable[tuple[int, Iterable[int]]]
 
 
 def _truth_of_sets(
-    path: Path, places_of: dict[int, set[int]], query_indices: NDArray[np.int64], place_indices: NDArray[np.int64]
+    path: Path,
+    places_of: dict[int, set[int]],
+    query_indices: NDArray[np.int64],
+    place_indices: NDArray[np.int64],
+    tolerance: int,
 ) -> NDArray[np.bool_]:
-    """The matrix of {query: places}, checked to be about this run."""
+    """The matrix of {query: places}, and of places at most ``tolerance`` off, checked to be about this run."""
     truth = np.zeros((len(query_indices), len(place_indices)), dtype=np.bool_)
-    column = {int(place): k for k, place in enumerate(place_indices)}
     named = [(row, places_of[int(q)]) for row, q in enumerate(query_indices) if int(q) in places_of]
     if not named:
         raise InputError(f"{shown(path)}: names no query of this run ({_span(query_indices)}); use absolute indices")
     for row, places in named:
-        truth[row, [column[place] for place in places if place in column]] = True
+        ends = np.array([-math.inf, *sorted(places), math.inf])
+        after = np.searchsorted(ends, place_indices)
+        truth[row] = np.minimum(place_indices - ends[after - 1], ends[after] - place_indices) <= tolerance
     if not truth.any() and any(places for _, places in named):
         raise InputError(f"{shown(path)}: names no place of this run ({_span(place_indices)}); use absolute indices")
     return truth
@@ -303,16 +313,19 @@ def _json_entries(path: Path, query_indices: NDArray[np.int64]) -> Entries:
         yield int(key), places
 
 
+def _fits(rows: int, indices: NDArray[np.int64]) -> bool:
+    """Whether there are as many rows as ``indices`` of the run, or as many as the whole sequence has at least."""
+    return rows == len(indices) or (len(indices) > 0 and rows > int(indices.max()))
+
+
 def _row_queries(path: Path, rows: int, indices: NDArray[np.int64], what: str = "queries") -> NDArray[np.int64]:
     """The absolute index of each row: those of the run if it has as many, else of the whole sequence."""
-    if rows == len(indices):
-        return indices
-    if len(indices) and rows > indices.max():
-        return np.arange(rows, dtype=np.int64)
-    raise InputError(
-        f"{shown(path)}: has {rows} entries for {len(indices)} {what} ({_span(indices)}); "
-        "give one for each of this run, or of the whole sequence"
-    )
+    if not _fits(rows, indices):
+        raise InputError(
+            f"{shown(path)}: has {rows} entries for {len(indices)} {what} ({_span(indices)}); "
+            "give one for each of this run, or of the whole sequence"
+        )
+    return indices if rows == len(indices) else np.arange(rows, dtype=np.int64)
 
 
 def _array_entries(path: Path, query_indices: NDArray[np.int64], place_indices: NDArray[np.int64]) -> Entries:
@@ -329,6 +342,11 @@ def _array_entries(path: Path, query_indices: NDArray[np.int64], place_indices: 
         return ((int(query), [int(place)]) for query, place in array)
     if array.ndim != 2 or not np.isin(array, (0, 1)).all():
         raise InputError(f"{shown(path)}: holds {array.dtype} {array.shape}; save {wants}")
+    ways = ((query_indices, place_indices), (place_indices, query_indices))
+    straight, turned = (all(map(_fits, array.shape, way)) for way in ways)
+    if turned and not straight:
+        _NOTES.warning(f"{shown(path)}: has a row for each place and a column for each query, and is read so")
+        array = array.T
     queries = _row_queries(path, array.shape[0], query_indices).tolist()
     columns = _row_queries(path, array.shape[1], place_indices, "places")
     return zip(queries, (columns[row].tolist() for row in array.astype(np.bool_)), strict=True)

@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 from support.common.commands import fails, figures, images, listed, matches, recall, run
 
-from lava_vpr import model
+from lava_vpr import __version__, model
 from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.cli import main
 
@@ -28,6 +28,9 @@ DECODERS = ["standard", "weighted", "probability", "weighted_probability", "cont
 def test_the_json_has_these_keys_in_this_order(here: Path) -> None:
     values = figures("query")
     assert list(values) == [
+        "model",
+        "query",
+        "version",
         "places",
         "queries",
         "network",
@@ -121,8 +124,10 @@ def test_ground_truth_says_which_places_are_right(here: Path) -> None:
     plain = figures("query")
     Path("gt.txt").write_text("".join(f"{k}: {k}\n" for k in range(8)))
     assert figures("query", "--gt", "gt.txt") == plain
+    assert (plain["model"], plain["version"], plain["query"]) == ("m.lvpr", __version__, "query")
     Path("wrong.json").write_text(json.dumps({str(k): (k + 4) % 8 for k in range(8)}))
     assert recall(figures("query", "--gt", "wrong.json")) == 0
+    assert recall(figures("query", "--gt", "wrong.json", "--tolerance", 7)) == 1
     Path("any.json").write_text(json.dumps({str(k): list(range(8)) for k in range(8)}))
     assert recall(figures("query", "--gt", "any.json")) == 1
 

@@ -230,7 +230,7 @@ USAGE = [
     ("eval m.lvpr query --radius inf --positions a b", "--radius is infinite"),
     ("fit --target loihi2 --neurons-per-place nan", "--neurons-per-place is not a number"),
     ("train ref -o n.lvpr --places 0:" + "9" * 5000, "is not of the form A:B"),
-    ("eval m.lvpr query --gt a.txt --tolerance 2", "--tolerance counts places along the route"),
+    ("eval m.lvpr query --positions a b --radius 1 --tolerance 2", "--tolerance counts places along the route"),
     ("eval m.lvpr query --sequence 0", "0 is not in the range x>=1"),
     ("eval m.lvpr query --backend gpu", "'gpu' is not one of 'host'"),
     ("verify m.lvpr", "Missing argument 'QUERY'"),

@@ -283,6 +283,19 @@ def test_ground_truth_as_array(tmp_path: Path, array: NDArray[np.generic]) -> No
     np.testing.assert_array_equal(read_ground_truth(tmp_path / "t.npy", QUERIES, PLACES), TRUTH)
 
 
+def test_a_matrix_with_a_row_for_each_place(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    np.save(tmp_path / "t.npy", TRUTH.T)
+    np.testing.assert_array_equal(read_ground_truth(tmp_path / "t.npy", QUERIES, PLACES), TRUTH)
+    assert "t.npy: has a row for each place and a column for each query, and is read so" in caplog.text
+
+
+def test_ground_truth_with_places_beside(tmp_path: Path) -> None:
+    """What is beside counts by index: 19 is no place of the run, 20 is beside it; between 20 and 24, two are."""
+    path = written(tmp_path / "t.txt", b"10: 19\n11:\n12: 24 20\n")
+    for tolerance, wanted in ((1, [[1, 0, 0, 0], [0] * 4, [1, 1, 0, 1]]), (2, [[1, 1, 0, 0], [0] * 4, [1] * 4])):
+        np.testing.assert_array_equal(read_ground_truth(path, QUERIES, PLACES, tolerance), wanted)
+
+
 def test_ground_truth_as_one_place_a_query(tmp_path: Path) -> None:
     expected = np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1]], dtype=bool)
     for array in ([21, -1, 23], [0] * 10 + [21, -1, 23, 7]):
@@ -345,7 +358,7 @@ def test_ground_truth_that_cannot_be_used(tmp_path: Path, name: str, text: str, 
         (np.zeros((2, 2, 2)), "holds float64 (2, 2, 2)"),
         (np.arange(3.0), "holds float64 (3,)"),
         (np.full((3, 4), 2), "holds int64 (3, 4)"),
-        (np.zeros((4, 3), dtype=bool), "has 4 entries for 3 queries"),
+        (np.zeros((5, 3), dtype=bool), "has 5 entries for 3 queries"),
         (np.zeros((3, 5), dtype=bool), "has 5 entries for 4 places (20..23)"),
         (np.array([1, 2]), "has 2 entries for 3 queries"),
     ],

@@ -13,7 +13,7 @@ from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.matching.evaluation import evaluate, truth_from_indices, truth_from_positions
+from lava_vpr.matching.evaluation import evaluate, leaps, truth_from_indices, truth_from_positions
 
 quick = settings(deadline=None, max_examples=100, derandomize=True)
 Case = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]
@@ -144,6 +144,32 @@ def test_truth_from_indices() -> None:
     assert near.tolist() == [[True, True, False, False], [False, True, True, False]]
     with pytest.raises(InputError, match="tolerance is -1, must be at least 0"):
         truth_from_indices(np.array([1]), np.array([1]), -1)
+
+
+@pytest.mark.parametrize(
+    ("places", "wanted"),
+    [
+        ([0, 1, 2, 3, 4], False),
+        ([9, 7, 5, 3, 1], False),
+        ([0, 3, 6, 9, 8], True),
+        ([0, 2, 4, 9, 0], False),  # two leaps of four
+        ([0, 3, 0, 2, 0], False),
+        ([0, 3, None, 0, 3], True),  # what shows no place says nothing
+        ([5], False),
+        ([], False),
+    ],
+)
+def test_leaps(places: list[int | None], wanted: bool) -> None:
+    truth = np.array([[place == k for k in range(10)] for place in places], np.bool_).reshape(-1, 10)
+    assert leaps(truth, 2) is wanted
+
+
+def test_places_that_look_alike_are_near_whatever_is_between() -> None:
+    truth = np.zeros((4, 100), np.bool_)
+    truth[[0, 1, 2, 3], [0, 50, 99, 50]] = True
+    assert leaps(truth, 2)
+    truth[[0, 2], [60, 40]] = True  # from 0 or 60 to 50, to 40 or 99
+    assert not leaps(truth, 2)
 
 
 def test_truth_from_positions() -> None:

@@ -99,7 +99,9 @@ def test_all_places_and_one_section_of_the_queries(folder: Path) -> None:
     draw(folder, DATASETS["spedtest"].layouts[0], 9)
     run("train", ".", "--dataset", "spedtest", "-o", "all.lvpr", *QUICK)
     assert model_file.load("all.lvpr").places == 9
-    assert evaluated("all.lvpr", ".", "--dataset", "spedtest")["queries"] == 9
+    whole = evaluated("all.lvpr", ".", "--dataset", "spedtest")
+    assert (whole["queries"], whole["followed"]) == (9, {})  # cameras all over the world are no drive
+    assert evaluated("all.lvpr", ".", "--dataset", "spedtest", "--motion", "any")["followed"]
     part = evaluated("all.lvpr", ".", "--dataset", "spedtest", "--section", 2)
     assert (part["queries"], part["places"]) == (4, 9)
 
