@@ -105,7 +105,7 @@ def bench(
         found = recall_and_costs(
             model, traverse, queries, correct, request, further=further, command=words, begin=begin
         )
-    _tell(found, results.json_path, page)
+    _tell(found, results, page)
 
 
 def _refuse(model: Model, path: Path, request: Request) -> None:
@@ -122,7 +122,7 @@ def _refuse(model: Model, path: Path, request: Request) -> None:
         registry.require(name, model)
 
 
-def _tell(results: Bench, json_path: Path | None, page: Path | None) -> None:
+def _tell(found: Bench, results: WrittenFiles, page: Path | None) -> None:
     """Write the files, then print the tables: whoever reads these may go away."""
     from lava_vpr.bench.show.json_values import as_json
     from lava_vpr.bench.show.tables import on_terminal
@@ -130,6 +130,6 @@ def _tell(results: Bench, json_path: Path | None, page: Path | None) -> None:
     def drawn() -> str:
         from lava_vpr.bench.show.page import page as page_of  # matplotlib takes a second to be imported
 
-        return page_of(results)
+        return page_of(found)
 
-    show_results(on_terminal(results), {json_path: as_json(results)}, page, drawn)
+    show_results(on_terminal(found), {results.json_path: as_json(found)}, page, drawn, results.table_path)

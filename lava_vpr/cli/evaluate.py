@@ -108,8 +108,8 @@ def evaluate(
             result = running(model, queries, correct, how, backend=backend, seed=seed, further=further)
     errors = None if located is None else PositionErrors(located, located.errors(result.matches), truth.near)
     files = {results.json_path: {**_named(asked, route), **as_json(model, result, errors)}}
-    said = _said(model, result, errors, compared)
-    show_results(said, files, page, lambda: _page(ctx, model, queries, result, errors))
+    drawn = partial(_page, ctx, model, queries, result, errors)
+    show_results(_said(model, result, errors, compared), files, page, drawn, results.table_path)
 
 
 def _named(asked: Queries, route: Selection) -> dict[str, str]:

@@ -15,9 +15,10 @@ from lava_vpr.cli.common import PATH, F, Number, Parsed, RegisteredName, noun, s
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.datasets.selecting import Benchmark
-from lava_vpr.errors import InputError, brief
+from lava_vpr.errors import InputError, brief, shown
 from lava_vpr.model import Model
 from lava_vpr.positions.track import MOST_GAP_S
+from lava_vpr.show.table import FORMS
 from lava_vpr.traverse import Traverse, located
 
 _POSITIONS = "Positions, CSV or GPX: a row an image, or timed (default: from names @UTM_east@UTM_north@...)."
@@ -250,16 +251,22 @@ class WrittenFiles:
 
     Attributes:
         json_path: JSON file; None: none.
+        table_path: File of the first table, in the form that its name ends in; None: none.
         report_folder: Folder of the page; None: no page.
     """
 
     json_path: Path | None
+    table_path: Path | None
     report_folder: Path | None
+
+    def __post_init__(self) -> None:
+        if self.table_path is not None and self.table_path.suffix.lower() not in FORMS:
+            raise click.UsageError(f"--table FILE must end in one of {', '.join(FORMS)}, not {shown(self.table_path)}")
 
     def outputs(self, page: str, **inputs: Any) -> tuple[Outputs, Path | None]:
         """The checked outputs, beside the ``inputs`` of `Outputs`, and the page's file."""
         target = None if self.report_folder is None else self.report_folder / page
-        return Outputs((self.json_path,), made=(target,), **inputs), target
+        return Outputs((self.json_path, self.table_path), made=(target,), **inputs), target
 
 
 def results_options(page: str) -> Callable[[Any], Any]:
@@ -267,4 +274,12 @@ def results_options(page: str) -> Callable[[Any], Any]:
     report = click.option(
         "--report", "report_folder", type=PATH, default=None, metavar="DIR", help=f"Write DIR/{page}."
     )
-    return noun("results", WrittenFiles, json_option("the figures"), report)
+    table = click.option(
+        "--table",
+        "table_path",
+        type=PATH,
+        default=None,
+        metavar="FILE",
+        help="Write the first table, as CSV, Markdown or LaTeX by its name: .csv, .md or .tex.",
+    )
+    return noun("results", WrittenFiles, json_option("the figures"), table, report)

@@ -22,7 +22,7 @@ from lava_vpr.cli.common import Parsed, console, print_whole, stage
 from lava_vpr.errors import InputError, harmless, shown
 from lava_vpr.images.files import IMAGE_SUFFIXES
 from lava_vpr.show.page import write_page
-from lava_vpr.show.table import Table
+from lava_vpr.show.table import FORMS, Table
 from lava_vpr.storage.writing import replaceable, write_atomically, written
 
 
@@ -230,7 +230,11 @@ Files = Mapping[Path | None, str | dict[str, Any]]
 
 
 def show_results(
-    said: Iterable[Table | str], files: Files, page: Path | None = None, page_of: Callable[[], str] = str
+    said: Iterable[Table | str],
+    files: Files,
+    page: Path | None = None,
+    page_of: Callable[[], str] = str,
+    table: Path | None = None,
 ) -> list[Table]:
     """Write the files, then print what is said, since whoever reads it may go away.
 
@@ -239,6 +243,7 @@ def show_results(
         files: What is written beside.
         page: Where the page goes; None: nowhere.
         page_of: The HTML of the page.
+        table: Where the first table goes, named as one of `FORMS`; None: nowhere.
     Returns:
         The tables of what is said.
     """
@@ -249,14 +254,30 @@ def show_results(
         with stage("writing the report"):
             write_page(page_of(), page)
     items = list(said)
+    tables = [item for item in items if isinstance(item, Table)]
+    if table is not None:
+        write_text(table, FORMS[table.suffix.lower()](tables[0]).rstrip("\n") + "\n")
     for item in items:
         print_whole(item)
     if page is not None:
         console.print(f"report: {shown(page)}")
-    return [item for item in items if isinstance(item, Table)]
+    return tables
 
 
-SILENT = ("json_path", "csv_path", "report_folder", "output", "bag", "scores", "jobs", "address", "keep")
+SILENT = (
+    "json_path",
+    "csv_path",
+    "table_path",
+    "report_folder",
+    "output",
+    "bag",
+    "predictions",
+    "references",
+    "scores",
+    "jobs",
+    "address",
+    "keep",
+)
 """Parameters that a report does not repeat: they change nothing of what it says."""
 
 

@@ -183,7 +183,7 @@ def _write(
     """Write the rows of the queries as they are answered; how many were recognised."""
     form, least, recognised = writing.form_of(len(traverse)), accepting.least(together), 0
     unfollowed = Unfollowed()
-    asked = Asked(model, traverse, together, least)
+    asked = Asked(model, traverse, together, least, writing.references)
     with ExitStack() as waiting, writing.rows() as write, writing.takers(asked) as take:
         write(table.csv_header() if form == "csv" else "")
         if writing.silent:

@@ -96,7 +96,9 @@ def study(
 
         return page(asked, rows, command_line(ctx))
 
-    return show_results([table(asked, rows)], {results.json_path: as_json(asked, rows)}, page, drawn)
+    return show_results(
+        [table(asked, rows)], {results.json_path: as_json(asked, rows)}, page, drawn, results.table_path
+    )
 
 
 def _route(

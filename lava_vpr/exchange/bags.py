@@ -9,7 +9,7 @@ import logging
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from lava_vpr.images.bags import rosbags_for
 from lava_vpr.matches import Match
 from lava_vpr.matching.answers import Answers
 from lava_vpr.model import Model
-from lava_vpr.storage.writing import folder_beside, written
+from lava_vpr.storage.writing import new_folder, written
 from lava_vpr.traverse import Traverse
 
 _NOTES = logging.getLogger("lava_vpr")
@@ -42,18 +42,15 @@ def bag_writer(path: Path, model: Model, queries: Traverse) -> Iterator[Write]:
     Raises:
         InputError: something stands at ``path``, the queries have no stamps that ROS has, or it cannot be written.
     """
-    if os.path.lexists(path):
-        raise InputError(f"{shown(path)}: exists, and a bag replaces nothing; remove it or name another folder")
     if queries.stamps is None:
         raise InputError(f"{shown(queries.source)}: a bag needs the times of its images; give them with --stamps")
     if not ((queries.stamps >= 0) & (queries.stamps < MOST_SECONDS)).all():
         raise InputError(f"{shown(queries.source)}: a bag has times from 1970 to 2038; correct those of its images")
     with rosbags_for(path, "written"):
         from rosbags.rosbag2 import StoragePlugin, Writer
-    with ExitStack() as last:
+    with new_folder(path, "a bag") as folder:
+        bag = Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP)
         with written(path):
-            folder = last.enter_context(folder_beside(path)) / path.name
-            bag = Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP)
             bag.open()
         try:
             yield _writing(path, bag, model)
@@ -66,7 +63,6 @@ def bag_writer(path: Path, model: Model, queries: Traverse) -> Iterator[Write]:
             for file in folder.iterdir():
                 with file.open("rb") as content:
                     os.fsync(content.fileno())
-            folder.rename(path)
 
 
 def _writing(path: Path, bag: Any, model: Model) -> Write:

@@ -128,6 +128,10 @@ class Table:
         return ' class="long"' if column in self.long else ' class="text"' if column < self.words else ""
 
 
+FORMS: dict[str, Callable[[Table], str]] = {".csv": Table.csv, ".md": Table.markdown, ".tex": Table.latex}
+"""A table as text, by how the name of its file ends."""
+
+
 def in_html(text: str) -> str:
     """``text`` for a page, ``uJ`` and ``us`` as they are printed."""
     return safe(re.sub(r"\bu([Js])\b", r"µ\1", text))

@@ -247,6 +247,28 @@ def folder_beside(path: Path) -> AbstractContextManager[Path]:
 
 
 @contextmanager
+def new_folder(path: Path, what: str) -> Iterator[Path]:
+    """A folder that stands at ``path`` once all in it is written, and not at all if that fails.
+
+    Args:
+        path: Where it shall stand.
+        what: What it is, for messages, as in ``"a bag"``.
+    Yields:
+        Where to make it.
+    Raises:
+        InputError: something stands there already, or it cannot be written.
+    """
+    if os.path.lexists(path):
+        raise InputError(f"{shown(path)}: exists, and {what} replaces nothing; remove it or name another folder")
+    with ExitStack() as last:
+        with written(path):
+            folder = last.enter_context(folder_beside(path)) / path.name
+        yield folder
+        with written(path):
+            folder.rename(path)
+
+
+@contextmanager
 def temporary_folder() -> Iterator[Path]:
     """A temporary folder where the system has them.
 

@@ -336,3 +336,26 @@ def test_a_backend_that_was_named_and_could_not_run_is_a_failure(here: Path) -> 
         "lava-vpr: error: bundle: was not compared; see above, or choose another --backend"
     )
     assert json.loads(Path("v.json").read_text())["backends"]["bundle"]["available"] is False
+
+
+@pytest.mark.parametrize(
+    ("name", "begins", "lines"),
+    [
+        ("t.csv", "matcher,R@1,", 0),
+        ("t.md", "| matcher | R@1 |", 1),
+        ("t.TEX", "\\begin{tabular}{lrrrrrr}\n\\hline\nmatcher & R@1 &", 5),
+    ],
+)
+def test_the_table_as_a_file(here: Path, name: str, begins: str, lines: int) -> None:
+    values = figures("query", "--table", name)
+    text = Path(name).read_text()
+    assert text.startswith(begins)
+    assert text.endswith("\n")
+    assert not text.endswith("\n\n")
+    rules = text.count("\\hline") - 3 if lines == 5 else 0  # those between the groups
+    rows = sum(len(values[group]) for group in ("decoders", "baselines", "adapted", "followed"))
+    assert len(text.splitlines()) == 1 + lines + rules + rows
+    assert "is named" in fails("eval", "m.lvpr", "query", "--table", name, "--json", name)
+    assert "--table FILE must end in one of .csv, .md, .tex, not t.xls" in fails(
+        "eval", "m.lvpr", "query", "--table", "t.xls", code=2
+    )

@@ -1,4 +1,4 @@
-"""What takes the answers of ``query`` as they come: a ROS bag, a matrix of scores, a page to look at."""
+"""What takes the answers of ``query`` as they come: a ROS bag, predictions, a matrix of scores, a page to look at."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from lava_vpr.cli.common import PATH, console, noun, stage
 from lava_vpr.cli.outputs import Outputs, command_line, file_writer, text_writer, write_stdout
 from lava_vpr.encoding import Keep
 from lava_vpr.errors import shown
+from lava_vpr.exchange.predictions import prediction_writer
 from lava_vpr.matches import Match
 from lava_vpr.matching.answers import UNRANKED, Answers, Together
 from lava_vpr.matching.forward_filter import NONE
@@ -41,12 +42,14 @@ class Asked:
         queries: Whose answers come.
         together: How queries are matched with those before them.
         least: The probability from which on a match is accepted; NaN where that is not what decides.
+        references: Folder of the reference images; None where nobody says.
     """
 
     model: Model
     queries: Traverse
     together: Together
     least: float
+    references: Path | None
 
 
 @contextmanager
@@ -56,6 +59,13 @@ def bag(path: Path, asked: Asked) -> Iterator[Take]:
 
     with bag_writer(path, asked.model, asked.queries) as write:
         yield lambda some, found: write(some.images, some.answers, found)
+
+
+@contextmanager
+def predictions(path: Path, asked: Asked) -> Iterator[Take]:
+    """What writes the folder of predictions at ``path``."""
+    with prediction_writer(path, asked.references) as write:
+        yield lambda some, found: write(some.images, found)
 
 
 @contextmanager
@@ -125,6 +135,8 @@ class Writing:
         form: ``csv``, ``jsonl`` or ``sentence``; None: by the file's name.
         top: How many of the best places of each image are named.
         bag: Folder of a ROS 2 bag; None: none is wanted.
+        predictions: Folder of predictions; None: none are wanted.
+        references: Folder of the reference images, for predictions.
         scores: File of all scores; None: none is wanted.
         report_folder: Folder of the page; None: no page.
     """
@@ -133,6 +145,8 @@ class Writing:
     form: str | None
     top: int
     bag: Path | None
+    predictions: Path | None
+    references: Path | None
     scores: Path | None
     report_folder: Path | None
 
@@ -165,7 +179,9 @@ class Writing:
         """The outputs beside their ``inputs``; a bag needs a ``motion``."""
         if self.bag is not None and motion == NONE:
             raise click.UsageError("--bag has the covariance of what is believed; give --motion any or forward, too")
-        folders = () if self.bag is None else (self.bag,)
+        if self.references is not None and self.predictions is None:
+            raise click.UsageError("--references names the folder in the paths of --predictions; give that, too")
+        folders = [path for path in (self.bag, self.predictions) if path is not None]
         return Outputs((self.file, self.scores), made=(self.page,), folders=folders, **inputs)
 
     def rows(self) -> AbstractContextManager[Callable[[str], object]]:
@@ -176,8 +192,8 @@ class Writing:
 
     @contextmanager
     def takers(self, asked: Asked) -> Iterator[Take]:
-        """What takes the answers beside: the bag, the scores and the page."""
-        wanted = ((bag, self.bag), (scores, self.scores), (page, self.page))
+        """What takes the answers beside."""
+        wanted = ((bag, self.bag), (predictions, self.predictions), (scores, self.scores), (page, self.page))
         with ExitStack() as open_ones:
             takers = [open_ones.enter_context(opened(path, asked)) for opened, path in wanted if path is not None]
 
@@ -237,6 +253,21 @@ writing_options = noun(
         default=None,
         metavar="FOLDER",
         help="Write a ROS 2 bag, too: /initialpose, and rtabmap's posterior and links; with --motion.",
+    ),
+    click.option(
+        "--predictions",
+        type=PATH,
+        default=None,
+        metavar="FOLDER",
+        help="Write a text file for each image, too, with the paths of the --top K places, as VPR-methods-evaluation "
+        "does.",
+    ),
+    click.option(
+        "--references",
+        type=PATH,
+        default=None,
+        metavar="FOLDER",
+        help="Where the reference images lie, for --predictions (default: their names alone).",
     ),
     click.option(
         "--scores",
