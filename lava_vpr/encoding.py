@@ -164,7 +164,7 @@ def encode_arrays(
     named = tuple(f"{word} {k:06d}" for k in range(len(images))) if names is None else tuple(names)
     if len(named) != len(images):
         raise InputError(f"there are {len(named)} names for {len(images)} {word}s; give one for each")
-    taken = _vectors(images, encoder.vector_values) if vectors else _images(images, names)
+    taken = _vectors(images, encoder.vector_values, names) if vectors else _images(images, names)
     indices = np.arange(len(taken), dtype=np.int64)
     return _encoded(named, indices, taken.__getitem__, encoder, views, keep, None, standard)
 
@@ -196,12 +196,13 @@ def _images(images: Sequence[NDArray[Any]], names: Sequence[str] | None = None) 
     return images
 
 
-def _vectors(vectors: Sequence[NDArray[Any]], values: int) -> NDArray[np.float32]:
+def _vectors(vectors: Sequence[NDArray[Any]], values: int, names: Sequence[str] | None) -> NDArray[np.float32]:
     """``vectors`` as float32 (n, values), each seen to have as many values."""
     for number, vector in enumerate(vectors):
         shape = np.shape(vector)
         if shape != (values,):
-            raise InputError(f"vector {number} has shape {shape}, but the model learned ({values},); give such vectors")
+            said = f"vector {number}" if names is None else shown(names[number])
+            raise InputError(f"{said} has shape {shape}, but the model learned ({values},); give such vectors")
     return np.asarray(checked_vectors(np.asarray(vectors), "vectors"), np.float32)
 
 

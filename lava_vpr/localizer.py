@@ -15,6 +15,8 @@ from lava_vpr.backends.asking import MODELS, Asker, Asking, calibration_of, open
 from lava_vpr.backends.interface import HostBackend
 from lava_vpr.encoding import Keep, encode_arrays, encode_views
 from lava_vpr.engine.adaptation import Motion
+from lava_vpr.inputs.doubts import Doubts
+from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matches import Match, matches_of
 from lava_vpr.matching.answers import Answerer, Together, accepted, least_probability
 from lava_vpr.matching.beliefs import Belief
@@ -89,7 +91,7 @@ class Localizer:
             check_arguments("model", model=model)
         self._asking, self._seed = Asking.wanted(query_views, adapt), seed
         self._motion, self._precision, self._off_map = motion, target_precision, off_map
-        self._backend = HostBackend()
+        self._backend, self._calls = HostBackend(), 0
         self._use(model if isinstance(model, Model) else load(model))
         self.reset()
 
@@ -122,21 +124,33 @@ class Localizer:
         """Forget the images so far: the next may be anywhere, on the map or off it."""
         self._scores: NDArray[np.float64] | None = None
         self._asker, self._moving = Asker(self._model, self._asking, self._seed), Motion()
+        self._doubts = Doubts()
         self._answerer = Answerer.of(self._model.config.decoder.default, self._model.places, self._together)
 
-    def update(self, image: NDArray[Any], stamp: float | None = None, odometry: float | None = None) -> Match:
-        """Take the next image.
+    def update(
+        self,
+        image: NDArray[Any],
+        stamp: float | None = None,
+        odometry: float | None = None,
+        *,
+        name: str | None = None,
+    ) -> Match:
+        """Take the next image; one that is refused changes nothing.
 
         Args:
             image: uint8 (h, w) grey or (h, w, 3) BGR; or a vector, real numbers (values,), of a map of vectors.
             stamp: When it was taken, in seconds: after a longer pause than usual the robot may have gone further.
+                NaN counts for nothing; the match says what else cannot be.
             odometry: Metres driven since the last image, backwards below 0 (or either way, with motion ``any``); None:
-                unknown. Needs a map with positions.
+                unknown. Needs a map with positions. With one, a camera that is stuck is told.
+            name: What messages call the image; None: by the number of the call, from 0.
         Raises:
             InputError: the image is none, or the odometry cannot be used.
         """
-        check_arguments(stamp=stamp, odometry=odometry)
-        model, names = self._model, ["the image"]
+        model, word = self._model, INPUTS[self._model.config.encoder.kind].sees
+        names = [f"{word} {self._calls}" if name is None else name]
+        self._calls += 1
+        check_arguments(stamp=stamp, odometry=odometry, name=name)
         seen = encode_arrays([image], model.config.encoder, self._views, names=names, standard=model.standard)
         shown = self._asker.presentations(seen)
         counts = summed(self._backend.count_spikes(self._model, shown)[0], self._asking.views)
@@ -146,8 +160,9 @@ class Localizer:
         self._answerer, answers = self._answerer.step(scores, moving, odometry, stamps)
         self._scores = scores[0]
         good = accepted(answers, self._least)
+        signs = [self._doubts.sign(seen[0].activity[0], stamp, odometry)]
         (match,) = matches_of(
-            self._model, answers, good, counts, radius=self._together.radius, top=CANDIDATES, stamps=stamps
+            self._model, answers, good, counts, radius=self._together.radius, top=CANDIDATES, stamps=stamps, signs=signs
         )
         return match
 
@@ -214,9 +229,10 @@ class Localizer:
 
     def _go_on(self, model: Model, source: NDArray[np.int64]) -> None:
         """Follow on with a changed map, whose places were at ``source`` in the one before; -1: nowhere."""
-        before = self._answerer.filter
+        before, doubts = self._answerer.filter, self._doubts
         self._use(model)
         self.reset()
+        self._doubts = doubts
         if before is not None:
             calibration, along = self._together.calibration, self._together.along
             following = dataclasses.replace(before.remapped(source, along), calibration=calibration)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.inputs.doubts import Sign
 from lava_vpr.matching.answers import Answers
 from lava_vpr.matching.forward_filter import FASTEST
 from lava_vpr.model import Model
@@ -43,7 +45,8 @@ class Match:
         position: Coordinates of that place in ``frame``; None without a place, or where they are not known.
         frame: Frame of the position (`lava_vpr.positions.frames`).
         probability: How likely the robot is there, within ``radius`` places; NaN where that is not known.
-        accepted: Whether that is likely enough for the precision that was aimed at.
+        accepted: Whether that is likely enough for the precision that was aimed at, and nothing speaks against the
+            image.
         radius: See ``probability``: 0 where each image is answered alone.
         off_map: How likely the robot is off the map; NaN where each image is answered alone.
         followed: How likely the images before tell where this one is; NaN where each image is answered alone.
@@ -51,6 +54,11 @@ class Match:
         candidates: The best places, best first; none without a place.
         spikes: Spike counts of the neurons, int32 (neurons,).
         stamp: What `lava_vpr.Localizer.update` was given.
+        repeats: How many images in a row before it show the very same (`lava_vpr.inputs.doubts`).
+        cause: What is wrong with a run of images up to this one: ``stuck camera``, the same image while the robot
+            moves, of which none is accepted; None: nothing.
+        time_fault: What is wrong with ``stamp`` beside those before: ``backwards``, ``not a number`` or ``gap``; None:
+            nothing.
     """
 
     place: int
@@ -66,16 +74,19 @@ class Match:
     candidates: tuple[Candidate, ...]
     spikes: NDArray[np.int32] = field(repr=False)
     stamp: float | None = None
+    repeats: int = 0
+    cause: str | None = None
+    time_fault: str | None = None
 
     def values(self) -> dict[str, Any]:
         """The match as plain JSON values; what is not known is None.
 
         Probabilities have six digits, times microseconds, positions a centimetre. The two coordinates are not there
-        where the map has none.
+        where the map has none, and what speaks against an image is there only if something does.
         """
         there = self.place >= 0
         said: dict[str, Any] = {
-            "time": None if self.stamp is None else round(self.stamp, 6),
+            "time": None if self.stamp is None else _finite(self.stamp, 6),
             "place": self.place,
             "place_name": self.name if there else None,
             "confidence": _finite(self.confidence) if there else None,
@@ -97,7 +108,8 @@ class Match:
             }
             for candidate in self.candidates
         ]
-        return said
+        against = {"repeats": self.repeats or None, "cause": self.cause, "time_fault": self.time_fault}
+        return said | {name: value for name, value in against.items() if value is not None}
 
 
 @dataclass
@@ -137,6 +149,7 @@ def matches_of(
     radius: int = 0,
     top: int = 1,
     stamps: NDArray[np.float64] | None = None,
+    signs: Sequence[Sign] | None = None,
 ) -> list[Match]:
     """The match of each of n queries.
 
@@ -148,6 +161,7 @@ def matches_of(
         radius: Places that a probability includes on either side (`Together.radius`).
         top: Most candidates of a match; 1: none but the match itself, and none are named.
         stamps: When each query was taken, in seconds, float64 (n,); None: unknown.
+        signs: What speaks against each of them; None: nobody looked.
     """
     unknown = np.full(len(accepted), np.nan)
     off_map, followed = (unknown if known is None else known for known in (answers.off_map, answers.followed))
@@ -156,7 +170,8 @@ def matches_of(
         chances = [round(chance, 9) for chance in chances]
     named = _candidates(model, answers, top) if top > 1 else [()] * len(accepted)
     found = []
-    for number, place in enumerate(answers.matches.tolist()):
+    against = [Sign()] * len(accepted) if signs is None else signs
+    for number, (place, sign) in enumerate(zip(answers.matches.tolist(), against, strict=True)):
         there = place >= 0
         found.append(
             Match(
@@ -165,7 +180,7 @@ def matches_of(
                 position=_position(model, place),
                 frame=model.frame,
                 probability=chances[number],
-                accepted=bool(accepted[number]),
+                accepted=bool(accepted[number]) and not sign.doubtful,
                 radius=radius,
                 off_map=float(off_map[number]),
                 followed=float(followed[number]),
@@ -173,6 +188,9 @@ def matches_of(
                 candidates=named[number],
                 spikes=counts[number],
                 stamp=None if stamps is None else float(stamps[number]),
+                repeats=sign.repeats,
+                cause=sign.cause,
+                time_fault=sign.time_fault,
             )
         )
     return found

@@ -21,6 +21,7 @@ from lava_vpr.backends.rivals import Rivals, Scored, chosen as rivals_of, decode
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, Keep, encoded_batches
 from lava_vpr.engine.adaptation import Adaptation, Motion
+from lava_vpr.inputs.doubts import Doubts, Sign, signs_of
 from lava_vpr.matching import sequences
 from lava_vpr.matching.answers import ALONE, Answerer, Answers, Followed, Held, InBlocks, Together, follow, hold
 from lava_vpr.matching.decoders import DECODERS
@@ -114,11 +115,13 @@ class Answered(NamedTuple):
         answers: What the model says of each.
         counts: Their spike counts, int32 (n, neurons).
         thumbnails: The queries as pages show them, uint8 (n, 48, 64, 3) BGR; None unless they were to be kept.
+        signs: What speaks against each of them.
     """
 
     images: Traverse
     answers: Answers
     counts: NDArray[np.int32]
+    signs: list[Sign]
     thumbnails: NDArray[np.uint8] | None = None
 
 
@@ -174,12 +177,12 @@ def answer_stream(
         threads,
         keep,
     )
-    asker, first = Asker(model, asking, seed), 0
-    shown = ((batch[0].thumbnails, asker.presentations(batch)) for batch in batches)
+    asker, first, doubts = Asker(model, asking, seed), 0, Doubts()
+    shown = ((batch[0], asker.presentations(batch)) for batch in batches)
     while group := list(islice(shown, calls)):
         counts, _ = chosen.count_spikes(model, Presentations.joined([asked for _, asked in group]))
         ends = np.cumsum([len(asked.rates) for _, asked in group])
-        for of_batch, (thumbnails, asked) in zip(np.split(counts, ends[:-1]), group, strict=True):
+        for of_batch, (seen, asked) in zip(np.split(counts, ends[:-1]), group, strict=True):
             some = summed(of_batch, asking.views)
             part = traverse.take(range(first, first + len(some)))
             moving = None if together.motion == NONE else motion.moving(asked.rates[: len(some)])
@@ -187,7 +190,8 @@ def answer_stream(
             if pace is not None:
                 pace.update(scores)
             state, answers = state.step(scores, moving, stamps=part.stamps)
-            yield Answered(part, answers, some, thumbnails)
+            points = None if part.positions is None else part.positions.points()
+            yield Answered(part, answers, some, signs_of(doubts, seen.activity, part.stamps, points), seen.thumbnails)
             first += len(some)
 
 

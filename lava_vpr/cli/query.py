@@ -36,7 +36,7 @@ from lava_vpr.cli.nouns import (
     places_option,
     query_positions_options,
 )
-from lava_vpr.cli.show.matches import MatchTable, Row, sentences
+from lava_vpr.cli.show.matches import MatchTable, Notes, Row, sentences
 from lava_vpr.cli.show.streams import Asked, Writing, writing_options
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.engine.presentations import cores
@@ -182,7 +182,7 @@ def _write(
 ) -> int:
     """Write the rows of the queries as they are answered; how many were recognised."""
     form, least, recognised = writing.form_of(len(traverse)), accepting.least(together), 0
-    unfollowed = Unfollowed()
+    unfollowed, notes = Unfollowed(), Notes()
     asked = Asked(model, traverse, together, least, writing.references)
     with ExitStack() as waiting, writing.rows() as write, writing.takers(asked) as take:
         write(table.csv_header() if form == "csv" else "")
@@ -190,11 +190,14 @@ def _write(
             waiting.enter_context(stage(f"reading {traverse.source}"))
         for some in stream:
             done, answers, good = some.images, some.answers, accepting.of(some.answers, least)
-            recognised += int(good.sum())
             waiting.close()
+            radius, top = together.radius, writing.top
             found = matches_of(
-                model, answers, good, some.counts, radius=together.radius, top=writing.top, stamps=done.stamps
+                model, answers, good, some.counts, radius=radius, top=top, stamps=done.stamps, signs=some.signs
             )
+            recognised += sum(match.accepted for match in found)
+            for index, match in zip(done.indices.tolist(), found, strict=True):
+                notes.take(index, match)
             take(some, found)
             unfollowed.add(*found)
             write("".join(SHOWN[form](table, row, least) for row in table.rows(done, answers, found)))

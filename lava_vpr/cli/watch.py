@@ -23,6 +23,7 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.nouns import OneSource, asking_options, every_option
 from lava_vpr.cli.outputs import write_stdout
+from lava_vpr.cli.show.matches import Notes
 from lava_vpr.errors import InputError, brief
 from lava_vpr.localizer import Localizer
 from lava_vpr.readers import open_source
@@ -92,7 +93,7 @@ def watch(
     localizer = Localizer(
         model_path, motion, adapt, asking.views, target_precision=target_precision, off_map=off_map, seed=seed
     )
-    recent, events = Recent(localizer.model), localizer.model.config.events
+    recent, notes, events = Recent(localizer.model), Notes(), localizer.model.config.events
     found = open_source(source, every=every, topic=topic, events=events, live=True, existing=existing)
 
     def refused(index: int, why: InputError) -> None:
@@ -103,6 +104,7 @@ def watch(
         for watched in islice(watch_images(localizer, found.frames(), refused), stop_after):
             write_stdout(json_line(watched.values()))
             recent.add(watched)
+            notes.take(watched.index, watched.match)
         _sum_up(recent, stays=port is not None and recent.said["answered"] != stop_after)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,8 @@ _ARGUMENTS: dict[str, tuple[Callable[[Any], bool], str]] = {
     ),
     "target_precision": _NUMBER,
     "off_map": _NUMBER,
-    "stamp": (_measured, "a number of seconds"),
+    "stamp": (lambda value: _measured(value) or (isinstance(value, Real) and value != value), "a number of seconds"),
+    "name": _TEXT,
     "odometry": (_measured, "a finite number of metres (leave it out where unknown)"),
     "every": _ABOVE_0,
     "spacing": _ABOVE_0,

@@ -68,7 +68,7 @@ def watch(
             refused(index, seen.image)
             continue
         try:
-            match = localizer.update(seen.image, seen.stamp)
+            match = localizer.update(seen.image, seen.stamp, name=seen.name)
         except InputError as error:
             refused(index, error)
             continue

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.common.commands import images, matches, run
+from support.common.commands import images, listed, matches, run
 from support.common.imagefiles import video
 
 from lava_vpr import model as model_file
@@ -20,6 +20,7 @@ from lava_vpr.deploy.bundle.targets import open_bundle
 POSITIONS = ("--positions", "reference_positions.csv")
 QUERIES = ("--query-positions", "query_positions.csv")
 TRACKS = ("--query-positions", "query.gpx", "--stamps", "query_positions.csv")
+AGAINST = ["repeats", "cause"]
 PLAIN = ["query", "query_name", "place", "place_name", "confidence", "accepted", "probability"]
 
 
@@ -56,7 +57,7 @@ def test_positions_are_kept_and_the_table_tells_the_error(here: Path) -> None:
     header, rows = table("query")
     assert header == [*PLAIN, "x", "y"]
     header, rows = table("query", *QUERIES)
-    assert header == [*PLAIN, "x", "y", "time", "error_m"]
+    assert header == [*PLAIN, "x", "y", "time", "error_m", *AGAINST]
     ours, theirs = said("reference_positions.csv"), said("query_positions.csv")
     for k, row in enumerate(rows):
         place = int(row["place"])
@@ -74,10 +75,50 @@ def test_a_track_beside_images_of_other_times(here: Path) -> None:
     away = np.hypot(*(where.to("UTM 32N").values - [610_000, 6_640_000] - said("reference_positions.csv")).T)
     assert away.max() < 4.3  # 1.5 m twice, on each axis
     header, rows = table("query", *TRACKS)
-    assert header == [*PLAIN, "lat", "lon", "time", "error_m"]
+    assert header == [*PLAIN, "lat", "lon", "time", "error_m", *AGAINST]
     right = [float(row["error_m"]) for row in rows if row["place"] == row["query"]]
     assert len(right) >= 6
     assert max(right) < 6
+
+
+@pytest.mark.parametrize("frame", ["x,y", "lat,lon"])
+@pytest.mark.parametrize("motion", ["none", "any"])
+def test_a_stuck_camera_is_named(motion: str, frame: str, here: Path) -> None:
+    """In a table, in lines of JSON, and once on stderr; the others' lines are as ever."""
+    degrees, count, path = frame == "lat,lon", 26, images("query")[3]
+    listed("stuck.txt", [images("query")[2], *[path] * 24, images("query")[2]])
+    metres = np.arange(count) * 4.0 / (111_195 if degrees else 1)
+    Path("moving.csv").write_text(f"{frame}\n" + "".join(f"{value},5\n" for value in metres))
+    Path("places.csv").write_text(f"{frame}\n" + "".join(f"{value},5\n" for value in metres[:8]))
+    trained("reference", "--positions", "places.csv")
+    words = ("stuck.txt", "--query-positions", "moving.csv", "--motion", motion, "--target-precision", 0.3)
+    _, rows = table(*words)
+    assert [row["repeats"] for row in rows] == ["0", *map(str, range(24)), "0"]
+    assert [row["cause"] for row in rows] == [""] * 20 + ["stuck camera"] * 5 + [""]
+    assert [row["accepted"] for row in rows[3:25]] == ["true"] + ["false"] * 21
+    told = run("query", "p.lvpr", *words, "--format", "jsonl")
+    lines = [json.loads(line) for line in told.stdout.splitlines()]
+    assert [(line["repeats"], line["cause"]) for line in lines[19:21]] == [(18, None), (19, "stuck camera")]
+    assert told.stderr.count("stuck camera") == 1
+    assert "warning: image 20: the last 20 images show the same, though the robot moves" in told.stderr
+
+
+def test_times_that_cannot_be_are_told(here: Path) -> None:
+    """In a column that is there only then, and once each on stderr; `watch` tells the same."""
+    trained("reference")
+    for seconds, faults in ((range(8), {}), ((0, 1, 3, 2, 4, 5, 6, 99), {3: "backwards", 7: "gap"})):
+        names = [Path(f"{1_700_000_000 + second}.png") for second in seconds]
+        for name, path in zip(names, images("query"), strict=True):
+            shutil.copy(path, name)
+        header, rows = table(listed("times.txt", names))
+        assert ("time_fault" in header) == bool(faults)
+        assert {k: row["time_fault"] for k, row in enumerate(rows) if row.get("time_fault")} == faults
+        asked = run("query", "p.lvpr", "times.txt"), run("watch", "p.lvpr", "times.txt")
+        assert [one.stderr.count("warning: image 3 was taken before one that came before it") for one in asked] == [
+            int(bool(faults))
+        ] * 2
+        lines = [json.loads(line) for line in asked[1].stdout.splitlines()]
+        assert {k: line["time_fault"] for k, line in enumerate(lines) if "time_fault" in line} == faults
 
 
 def test_eval_by_positions_is_eval_by_order(here: Path) -> None:
@@ -128,7 +169,7 @@ def test_names_of_the_field_need_no_option(here: Path) -> None:
     assert values["names"]["position_error"] == values["gt"]["position_error"]
     assert values["order"]["decoders"]["contrast"]["recall_at_1"] >= 0.75
     header, _ = table("at/query")
-    assert header == [*PLAIN, "x", "y", "error_m"]
+    assert header == [*PLAIN, "x", "y", "error_m", *AGAINST]
 
 
 def test_places_by_distance(here: Path) -> None:

@@ -183,6 +183,43 @@ def test_odometry_says_how_far(frame: str, summer: Images, winter: Images, route
         assert abs(other.place - 10) <= 1
 
 
+def test_a_stuck_camera_is_named_where_an_odometer_moves(winter: Images, route: Model) -> None:
+    """With motion ``none``, too, and through a change of the map; images that repeat alone change no answer."""
+    for motion in ("any", "none"):
+        driven, rests = (Localizer(route, motion, target_precision=0.3) for _ in range(2))
+        moved = [driven.update(winter[7], float(k), odometry=0.0 if k < 3 else 2.0) for k in range(25)]
+        still = [rests.update(winter[7], float(k)) for k in range(25)]
+        assert [match.repeats for match in moved] == [match.repeats for match in still] == list(range(25))
+        assert [match.accepted for match in moved] == [number < 3 for number in range(25)]
+        assert [match.cause for match in moved] == [None] * 19 + ["stuck camera"] * 6
+        assert {(match.accepted, match.cause) for match in still} == {(True, None)}
+        assert "repeats" not in still[0].values()
+        assert (moved[-1].values()["repeats"], moved[-1].values()["cause"]) == (24, "stuck camera")
+        driven.remove([0])
+        assert driven.update(winter[7], odometry=0.0).cause == "stuck camera"
+        assert driven.update(winter[8], odometry=2.0).cause is None
+
+
+def test_times_that_cannot_be_are_told_with_the_match(winter: Images, route: Model) -> None:
+    robot = Localizer(route)
+    said = [robot.update(winter[k], stamp) for k, stamp in enumerate((5.0, 4.0, np.nan, -1.0, 6.0))]
+    assert [match.time_fault for match in said] == [None, "backwards", "not a number", "backwards", None]
+    assert [match.values()["time"] for match in said] == [5.0, 4.0, None, -1.0, 6.0]
+    assert "time_fault" not in said[0].values()
+
+
+def test_an_image_that_is_refused_is_called_by_its_number_or_name(winter: Images, route: Model) -> None:
+    robot = Localizer(route)
+    robot.update(winter[0])
+    for said, call in (
+        ("^image 1 is of type float64", lambda: robot.update(np.zeros((4, 4)))),
+        ("^left.png is of type float64", lambda: robot.update(np.zeros((4, 4)), name="left.png")),
+        ("^image 3 is of type float64", lambda: robot.update(np.zeros((4, 4)))),
+    ):
+        with pytest.raises(InputError, match=said):
+            call()
+
+
 @pytest.mark.parametrize(
     ("change", "gone"),
     [
@@ -311,8 +348,8 @@ WRONG: dict[str, Callable[[Any, Any], object]] = {
     "odometry is 'x'": lambda robot, seen: robot.update(seen[0], odometry="x"),
     "odometry is a number of": lambda robot, seen: robot.update(seen[0], odometry=10**400),
     "stamp is 'x'": lambda robot, seen: robot.update(seen[0], stamp="x"),
-    "the image is of type object": lambda robot, seen: robot.update(object()),
-    "the image has 2 x 2147483648 = ": lambda robot, seen: robot.update(HUGE),
+    "image 0 is of type object": lambda robot, seen: robot.update(object()),
+    "^image 0 has 2 x 2147483648 = ": lambda robot, seen: robot.update(HUGE),
     "images is None": lambda robot, seen: robot.add(None),
     "images is {}": lambda robot, seen: robot.add({}),
     "names is 'ab'": lambda robot, seen: robot.add(seen[:2], np.ones((2, 2)), names="ab"),

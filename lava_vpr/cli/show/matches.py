@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from lava_vpr.cli.common import stderr
+from lava_vpr.inputs.doubts import BACKWARDS, GAP, NO_NUMBER, RUN, STUCK, Clock
 from lava_vpr.matches import Match
 from lava_vpr.matching.answers import Answers
 from lava_vpr.model import Model
@@ -59,7 +61,8 @@ class MatchTable:
         """The table of a model's matches: where they are known, further columns follow those that are always there.
 
         Of the matched place its position, in the model's frame; of the query its time, in seconds; and the metres
-        between the two positions.
+        between the two positions, and what only they can tell: repeated images, and what speaks against a run of them.
+        What is wrong with times follows if anything is.
 
         Raises:
             InputError: the model's positions and the queries' cannot be compared.
@@ -73,6 +76,11 @@ class MatchTable:
         if places is not None and queries.positions is not None:
             Located.of(places, queries.positions, queries.source)  # before the work
             further.append(Column("error_m", "{:.2f}".format))
+        if queries.positions is not None:
+            further += [Column("repeats"), Column("cause")]
+        clock = Clock()
+        if queries.stamps is not None and any([clock.fault(stamp) for stamp in queries.stamps.tolist()]):
+            further.append(Column("time_fault"))
         return cls((*ALWAYS, *further), top, chances, None if queries.positions is None else places)
 
     def rows(self, images: Traverse, answers: Answers, matches: list[Match]) -> Iterator[Row]:
@@ -89,7 +97,8 @@ class MatchTable:
         named = zip(images.indices.tolist(), images.names, matches, errors, strict=True)
         for index, name, match, error in named:
             metres = None if math.isnan(error) else round(error, 2)
-            yield {"query": index, "query_name": name, **match.values(), "error_m": metres}
+            against = {"repeats": match.repeats, "cause": match.cause, "time_fault": match.time_fault}
+            yield {"query": index, "query_name": name, **match.values(), "error_m": metres, **against}
 
     def csv_header(self) -> str:
         """The first line of a CSV file."""
@@ -123,6 +132,28 @@ class MatchTable:
         for rank in range(1, self.top):
             cells += [best[rank][key] if rank < len(best) else "" for key in self._keys]
         return cells
+
+
+NOTES = {
+    STUCK: f"the last {RUN} images show the same, though the robot moves: a stuck camera; none is accepted",
+    BACKWARDS: "was taken before one that came before it, by its time",
+    NO_NUMBER: "has a time that is no number",
+    GAP: "was taken long after the one before it, by its time",
+}
+
+
+class Notes:
+    """Tells each cause, and each fault of times, in one line on stderr when it is first met."""
+
+    def __init__(self) -> None:
+        self._told: set[str | None] = {None}
+
+    def take(self, index: int, match: Match) -> None:
+        """Look at the match of image ``index``."""
+        for what in (match.cause, match.time_fault):
+            if what is not None and what not in self._told:
+                self._told.add(what)
+                stderr.print(f"warning: image {index}{': ' if what == STUCK else ' '}{NOTES[what]}")
 
 
 def sentences(table: MatchTable, row: Row, least: float) -> str:
