@@ -127,6 +127,7 @@ def test_eval_by_positions_is_eval_by_order(here: Path) -> None:
     run("eval", "m.lvpr", "query", "--json", "m.json")
     run("eval", "p.lvpr", "query", *QUERIES, "--radius", 8, "--places", "5:8", "--json", "few.json")
     by_positions, by_order = (json.loads(Path(name).read_text()) for name in ("p.json", "m.json"))
+    assert (by_positions.pop("model"), by_order.pop("model")) == ("p.lvpr", "m.lvpr")
     figures = by_positions.pop("position_error")
     assert by_order.pop("position_error") is None
     assert by_positions == by_order
