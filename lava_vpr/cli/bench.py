@@ -23,7 +23,7 @@ from lava_vpr.cli.nouns import (
     results_options,
     seed_option,
 )
-from lava_vpr.cli.outputs import command_line, show_results
+from lava_vpr.cli.outputs import command_line
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.datasets.selecting import Selection
@@ -132,4 +132,4 @@ def _tell(found: Bench, results: WrittenFiles, page: Path | None) -> None:
 
         return page_of(found)
 
-    show_results(on_terminal(found), {results.json_path: as_json(found)}, page, drawn, results.table_path)
+    results.show(on_terminal(found), as_json(found), page, drawn)

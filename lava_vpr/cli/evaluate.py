@@ -28,7 +28,7 @@ from lava_vpr.cli.nouns import (
     queries_options,
     results_options,
 )
-from lava_vpr.cli.outputs import command_line, show_results
+from lava_vpr.cli.outputs import command_line
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.recall import recall_table, trust_tables
 from lava_vpr.datasets.selecting import Benchmark, Selection
@@ -98,18 +98,18 @@ def evaluate(
     traverse, located, correct = truth.open(model, route, asked.places, outputs)
     compared = replace(compared, motion=_motion(ctx, compared, route, correct))
     names = rivals_of(model, compared.rivals or None)
-    kept = kept_for(names) | (Keep.THUMBNAILS if page is not None else Keep.NOTHING)
+    kept = kept_for(names) | (Keep.THUMBNAILS if results.drawn else Keep.NOTHING)
     with pool_at(address) as pool:
         calibration = calibration_of(model, pool) if compared.sequence == compared.asking.views == 1 else None
-        how = replace(compared, rivals=names, keep_scores=page is not None, calibration=calibration)
+        how = replace(compared, rivals=names, keep_scores=results.drawn, calibration=calibration)
         queries, *further = encode_queries(traverse, model, how.asking.of(model), kept)
         with backend_progress(backend, len(queries)) as advance:
             running = partial(recognise, pool=pool, advance=advance)
             result = running(model, queries, correct, how, backend=backend, seed=seed, further=further)
     errors = None if located is None else PositionErrors(located, located.errors(result.matches), truth.near)
-    files = {results.json_path: {**_named(asked, route), **as_json(model, result, errors)}}
+    values = {**_named(asked, route), **as_json(model, result, errors)}
     drawn = partial(_page, ctx, model, queries, result, errors)
-    show_results(_said(model, result, errors, compared), files, page, drawn, results.table_path)
+    results.show(_said(model, result, errors, compared), values, page, drawn)
 
 
 def _named(asked: Queries, route: Selection) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,13 +12,13 @@ import click
 from lava_vpr.backends.asking import MODELS, OFF, Asking, open_model
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cli.common import PATH, F, Number, Parsed, RegisteredName, noun, seed_type, several
-from lava_vpr.cli.outputs import Outputs
+from lava_vpr.cli.outputs import Outputs, show_results
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.datasets.selecting import Benchmark
 from lava_vpr.errors import InputError, brief, shown
 from lava_vpr.model import Model
 from lava_vpr.positions.track import MOST_GAP_S
-from lava_vpr.show.table import FORMS
+from lava_vpr.show.table import FORMS, Table
 from lava_vpr.traverse import Traverse, located
 
 _POSITIONS = "Positions, CSV or GPX: a row an image, or timed (default: from names @UTM_east@UTM_north@...)."
@@ -253,11 +253,13 @@ class WrittenFiles:
         json_path: JSON file; None: none.
         table_path: File of the first table, in the form that its name ends in; None: none.
         report_folder: Folder of the page; None: no page.
+        figures_folder: Folder of the page's drawings; None: they are not wanted.
     """
 
     json_path: Path | None
     table_path: Path | None
     report_folder: Path | None
+    figures_folder: Path | None
 
     def __post_init__(self) -> None:
         if self.table_path is not None and self.table_path.suffix.lower() not in FORMS:
@@ -266,7 +268,19 @@ class WrittenFiles:
     def outputs(self, page: str, **inputs: Any) -> tuple[Outputs, Path | None]:
         """The checked outputs, beside the ``inputs`` of `Outputs`, and the page's file."""
         target = None if self.report_folder is None else self.report_folder / page
-        return Outputs((self.json_path, self.table_path), made=(target,), **inputs), target
+        folders = () if self.figures_folder is None else (self.figures_folder,)
+        return Outputs((self.json_path, self.table_path), made=(target,), folders=folders, **inputs), target
+
+    @property
+    def drawn(self) -> bool:
+        """Whether anything is drawn."""
+        return self.report_folder is not None or self.figures_folder is not None
+
+    def show(
+        self, said: Iterable[Table | str], values: dict[str, Any], page: Path | None, page_of: Callable[[], str]
+    ) -> list[Table]:
+        """`show_results` of what is ``said``, with ``values`` as JSON, the first table, the page and its drawings."""
+        return show_results(said, {self.json_path: values}, page, page_of, self.table_path, self.figures_folder)
 
 
 def results_options(page: str) -> Callable[[Any], Any]:
@@ -282,4 +296,12 @@ def results_options(page: str) -> Callable[[Any], Any]:
         metavar="FILE",
         help="Write the first table, as CSV, Markdown or LaTeX by its name: .csv, .md or .tex.",
     )
-    return noun("results", WrittenFiles, json_option("the figures"), table, report)
+    figures = click.option(
+        "--figures",
+        "figures_folder",
+        type=PATH,
+        default=None,
+        metavar="DIR",
+        help=f"Write the drawings of {page} to the new folder DIR, as SVG and PDF.",
+    )
+    return noun("results", WrittenFiles, json_option("the figures"), table, report, figures)

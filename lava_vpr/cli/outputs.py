@@ -23,7 +23,7 @@ from lava_vpr.errors import InputError, harmless, shown
 from lava_vpr.images.files import IMAGE_SUFFIXES
 from lava_vpr.show.page import write_page
 from lava_vpr.show.table import FORMS, Table
-from lava_vpr.storage.writing import replaceable, write_atomically, written
+from lava_vpr.storage.writing import new_folder, replaceable, write_atomically, written
 
 
 class Outputs:
@@ -235,6 +235,7 @@ def show_results(
     page: Path | None = None,
     page_of: Callable[[], str] = str,
     table: Path | None = None,
+    figures: Path | None = None,
 ) -> list[Table]:
     """Write the files, then print what is said, since whoever reads it may go away.
 
@@ -244,6 +245,7 @@ def show_results(
         page: Where the page goes; None: nowhere.
         page_of: The HTML of the page.
         table: Where the first table goes, named as one of `FORMS`; None: nowhere.
+        figures: Folder for the page's drawings; None: nowhere.
     Returns:
         The tables of what is said.
     """
@@ -253,15 +255,33 @@ def show_results(
     if page is not None:
         with stage("writing the report"):
             write_page(page_of(), page)
+    if figures is not None:
+        with stage("writing the figures"):
+            draw_on_paper(figures, page_of)
     items = list(said)
     tables = [item for item in items if isinstance(item, Table)]
     if table is not None:
         write_text(table, FORMS[table.suffix.lower()](tables[0]).rstrip("\n") + "\n")
     for item in items:
         print_whole(item)
-    if page is not None:
-        console.print(f"report: {shown(page)}")
+    for what, path in (("report", page), ("figures", figures)):
+        if path is not None:
+            console.print(f"{what}: {shown(path)}")
     return tables
+
+
+def draw_on_paper(folder: Path, page_of: Callable[[], str]) -> None:
+    """Write the drawings of the page that ``page_of`` makes to ``folder``.
+
+    Raises:
+        InputError: something stands there already, or it cannot be written.
+    """
+    from lava_vpr.show.svg import on_paper  # matplotlib takes a second to import
+
+    with new_folder(folder, "a folder of figures") as made, written(folder):
+        made.mkdir()
+        with on_paper(made):
+            page_of()
 
 
 SILENT = (
@@ -269,6 +289,7 @@ SILENT = (
     "csv_path",
     "table_path",
     "report_folder",
+    "figures_folder",
     "output",
     "bag",
     "predictions",

@@ -10,7 +10,7 @@ import numpy as np
 
 from lava_vpr.cli.common import PATH, VALUES, RegisteredName, encode_in_views, progress_bar, whole_numbers
 from lava_vpr.cli.nouns import WrittenFiles, every_option, jobs_option, places_option, results_options
-from lava_vpr.cli.outputs import Outputs, command_line, show_results
+from lava_vpr.cli.outputs import Outputs, command_line
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.config import PRESETS, Config
@@ -96,9 +96,7 @@ def study(
 
         return page(asked, rows, command_line(ctx))
 
-    return show_results(
-        [table(asked, rows)], {results.json_path: as_json(asked, rows)}, page, drawn, results.table_path
-    )
+    return results.show([table(asked, rows)], as_json(asked, rows), page, drawn)
 
 
 def _route(

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.inputs.encoder import ChannelLayout
+from lava_vpr.matching.decoders import DECODERS, MATCHERS
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.trust import Trust
+from lava_vpr.show.numbers import named
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,3 +147,20 @@ def _check(name: str, condition: bool, requirement: str) -> None:
     """Refuse arrays that do not belong together; a caller's defect, nothing a user can cause."""
     if not condition:
         raise ValueError(f"ReportData.{name} {requirement}")
+
+
+_EVENTS = {
+    "synaptic_operations": "synaptic operations",
+    "neuron_updates": "neuron updates",
+    "input_spikes": "input spikes",
+    "exc_spikes": "excitatory spikes",
+    "inh_spikes": "inhibitory spikes",
+}
+
+
+def label(name: str) -> str:
+    """What a matcher or a counted event is called in the report."""
+    for matchers in (DECODERS, MATCHERS):
+        if name in matchers:
+            return str(matchers[name].title)
+    return _EVENTS.get(name, named(name))

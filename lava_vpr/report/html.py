@@ -11,9 +11,8 @@ import numpy as np
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import TITLES, values_of
 from lava_vpr.report import sections, trust
-from lava_vpr.report.data import ReportData
+from lava_vpr.report.data import ReportData, label
 from lava_vpr.report.plots import precision_recall, series_style
-from lava_vpr.report.sections import label
 from lava_vpr.show.numbers import fraction, is_number
 from lava_vpr.show.page import Section, sheet
 from lava_vpr.show.templates import plain, render, safe, text

@@ -15,8 +15,8 @@ from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
 from lava_vpr.matching.evaluation import Metrics
-from lava_vpr.report.data import MapData, Raster
-from lava_vpr.show.svg import THEME, canvas, gridded, outline, themed, to_svg
+from lava_vpr.report.data import MapData, Raster, label as label_of
+from lava_vpr.show.svg import INSTEAD, THEME, canvas, gridded, outline, themed, to_svg
 
 LARGEST_MATRIX = 360
 """Matrices with more rows or columns than this are pooled before they are drawn."""
@@ -48,6 +48,7 @@ def precision_recall(metrics: Mapping[str, Metrics], default: str, baselines: Se
             recall,
             precision,
             gid=str(k),
+            label=label_of(name),
             color=THEME[colour],
             linewidth=2.4 if name == default else 1.4,
             linestyle=(0, tuple(float(d) / 1.2 for d in dash.split())) if dash else "-",
@@ -142,7 +143,7 @@ def score_matrix(
     left, top, width, height = MATRIX_BOX
     axes = figure.add_axes((left, 1 - top - height, width, height))
     colours = matplotlib.colormaps["viridis"].with_extremes(bad="#888888")
-    for name, per_query in (("whole", False), ("query", True)):
+    for name, per_query in (("whole", False), (INSTEAD, True)):
         image = np.ma.masked_invalid(scaled(values, per_query).T)
         axes.imshow(image, colours, aspect="auto", vmin=0, vmax=1, interpolation="none", extent=extent, gid=name)
     if queries and truth.any():

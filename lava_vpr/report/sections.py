@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.matching.decoders import DECODERS, MATCHERS
-from lava_vpr.report.data import MapData, Raster, ReportData
+from lava_vpr.report.data import MapData, Raster, ReportData, label
 from lava_vpr.report.images import contact_sheet, data_uri, representatives, shrunk, strokes, weight_image
 from lava_vpr.report.plots import MATRIX_BOX, held_marks, route_map, score_matrix, spike_raster
-from lava_vpr.show.numbers import counted, is_number, named
+from lava_vpr.show.numbers import counted, is_number
 from lava_vpr.show.templates import render, safe
 
 _FIELDS = 20
@@ -312,23 +311,6 @@ def cost(data: ReportData) -> str:
 def setup(data: ReportData) -> str:
     """The section that says how to get these figures again."""
     return render("report_setup.html", command=safe(data.command), configuration=safe(data.config_toml))
-
-
-_EVENTS = {
-    "synaptic_operations": "synaptic operations",
-    "neuron_updates": "neuron updates",
-    "input_spikes": "input spikes",
-    "exc_spikes": "excitatory spikes",
-    "inh_spikes": "inhibitory spikes",
-}
-
-
-def label(name: str) -> str:
-    """What a matcher or a counted event is called in the report."""
-    for matchers in (DECODERS, MATCHERS):
-        if name in matchers:
-            return str(matchers[name].title)
-    return _EVENTS.get(name, named(name))
 
 
 def number(value: float) -> str:

@@ -1,7 +1,7 @@
-"""Drawings as SVG text for a page: matplotlib without pyplot, without global state, without dates.
+"""Drawings as SVG text for a page, and as files for a paper: matplotlib without pyplot, without dates.
 
 Colours are written as CSS variables of the page (`templates/page.css`), so that one drawing serves the light and
-the dark theme; equal data give equal bytes.
+the dark theme; on paper they are those of the light one. Equal data give equal bytes.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ import io
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from html import unescape
+from pathlib import Path
 from typing import Any, Literal
 
 import matplotlib
@@ -19,39 +21,83 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.path import Path as Outline
 
+from lava_vpr.show.templates import text
+
 # matplotlib needs real colours: each of these stands for the CSS variable of its name until the text is written.
 _VARIABLES = ("ink", "muted", "line", "panel", "right", "wrong", *(f"c{i}" for i in range(8)))
 THEME = {name: f"#0{i:x}e5f{i:x}" for i, name in enumerate(_VARIABLES)}
 
-_STYLE = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "lava-vpr",
-    "svg.image_inline": True,
-    "image.composite_image": False,
-    "path.simplify": False,
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 10.5,
-    "text.parse_math": False,
-    "text.color": THEME["ink"],
-    "axes.edgecolor": THEME["line"],
-    "axes.labelcolor": THEME["muted"],
-    "axes.facecolor": "none",
-    "figure.facecolor": "none",
-    "xtick.color": THEME["line"],
-    "ytick.color": THEME["line"],
-    "xtick.labelcolor": THEME["muted"],
-    "ytick.labelcolor": THEME["muted"],
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-}
+_PAPER = dict(re.findall(r"--(\w+):(#[0-9a-f]+)", text("page.css").partition("@media")[0]))
+_papers: list[Path] = []
+"""Folders that drawings go to as files, too; the last counts."""
+
+
+def _style() -> dict[str, Any]:
+    """matplotlib's settings, in the colours of `THEME`."""
+    return {
+        "svg.fonttype": "none",
+        "svg.hashsalt": "lava-vpr",
+        "svg.image_inline": True,
+        "pdf.fonttype": 42,
+        "image.composite_image": False,
+        "path.simplify": False,
+        "font.family": "sans-serif",
+        "font.sans-serif": ["DejaVu Sans"],
+        "font.size": 10.5,
+        "text.parse_math": False,
+        "text.color": THEME["ink"],
+        "axes.edgecolor": THEME["line"],
+        "axes.labelcolor": THEME["muted"],
+        "axes.facecolor": "none",
+        "figure.facecolor": "none",
+        "xtick.color": THEME["line"],
+        "ytick.color": THEME["line"],
+        "xtick.labelcolor": THEME["muted"],
+        "ytick.labelcolor": THEME["muted"],
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+    }
+
+
+@contextmanager
+def on_paper(folder: Path) -> Iterator[None]:
+    """Write all that is drawn to ``folder``, too, as SVG and as PDF, each with a legend, in colours of paper.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    page = dict(THEME)
+    THEME.update({name: _PAPER[name] for name in THEME})
+    _papers.append(folder)
+    try:
+        yield
+    finally:
+        _papers.pop()
+        THEME.update(page)
+
+
+def _print(figure: Figure, name: str, label: str) -> None:
+    """Write ``figure`` to the last of `_papers`."""
+    for axes in figure.axes:
+        for image in axes.images:
+            image.set_visible(image.get_gid() != INSTEAD)
+        if axes.get_legend_handles_labels()[1]:
+            axes.legend(fontsize=8, frameon=False)
+    for kind, date in (("svg", "Date"), ("pdf", "CreationDate")):
+        figure.savefig(_papers[-1] / f"{name}.{kind}", metadata={"Title": unescape(label), date: None})
+
+
+INSTEAD = "query"
+"""The id of an image that a page shows in place of another when a reader asks for it; on paper it is left out."""
 
 
 def to_svg(figure: Figure, prefix: str, label: str) -> str:
     """``figure`` as an ``<svg>`` element for use inside a page; ``prefix`` keeps its ids apart from other drawings'."""
-    text = io.StringIO()
-    figure.savefig(text, format="svg", metadata={"Date": None})
-    svg = text.getvalue()
+    if _papers:
+        _print(figure, prefix, label)
+    written = io.StringIO()
+    figure.savefig(written, format="svg", metadata={"Date": None})
+    svg = written.getvalue()
     svg = svg[svg.index("<svg") :].strip()
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
     svg = re.sub(r' id="', f' id="{prefix}-', svg)
@@ -100,10 +146,11 @@ def outline(boxes: Iterable[tuple[float, float, float, float]]) -> Outline:
 
 
 @contextmanager
-def themed(settings: Mapping[str, Any] = _STYLE) -> Iterator[None]:
-    """Draw with ``settings``, whatever the user's matplotlibrc says: in a ``with`` block, or a decorated function."""
+def themed(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
+    """Draw with ``settings``, or those of pages, whatever the user's matplotlibrc says: in a ``with`` block, or a
+    decorated function."""
     # matplotlib makes ids of what numbers print as, which numpy 2 changed.
     with matplotlib.rc_context(), np.printoptions(legacy="1.21"):
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update(settings)
+        matplotlib.rcParams.update(_style() if settings is None else settings)
         yield

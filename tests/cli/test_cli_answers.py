@@ -6,6 +6,7 @@ import dataclasses
 import json
 import re
 import shutil
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import cv2
@@ -359,3 +360,29 @@ def test_the_table_as_a_file(here: Path, name: str, begins: str, lines: int) -> 
     assert "--table FILE must end in one of .csv, .md, .tex, not t.xls" in fails(
         "eval", "m.lvpr", "query", "--table", "t.xls", code=2
     )
+
+
+def test_the_drawings_as_files(here: Path) -> None:
+    """They are those of the page, which is the same with them and without, in colours that need no page."""
+    told = run("eval", "m.lvpr", "query", "--report", "r", "--figures", "figures").stdout
+    assert told.endswith(f"report: {Path('r/report.html')}\nfigures: figures\n")
+    page = Path("r/report.html").read_text()
+    run("eval", "m.lvpr", "query", "--report", "again")
+    assert Path("again/report.html").read_text() == page
+    drawn = {path.name: path.read_bytes() for path in Path("figures").iterdir()}
+    prefixes = set(re.findall(r'<svg role="img".*?<g id="(\w+)-figure_1">', page, re.DOTALL))
+    assert {"pr", "m0", "reliability"} <= prefixes
+    assert set(drawn) == {f"{name}.{kind}" for name in prefixes for kind in ("svg", "pdf")}
+    for name, content in drawn.items():
+        if name.endswith("svg"):
+            ElementTree.fromstring(content)
+            assert not re.search(rb"var\(|#0[0-9a-f]e5f", content)
+        else:
+            assert content.startswith(b"%PDF-")
+            assert b"CreationDate" not in content
+    assert b">contrast</text>" in drawn["pr.svg"]
+    assert "exists, and a folder of figures replaces nothing" in fails(
+        "eval", "m.lvpr", "query", "--figures", "figures"
+    )
+    run("eval", "m.lvpr", "query", "--figures", "alone")
+    assert {path.name: path.read_bytes() for path in Path("alone").iterdir()} == drawn
