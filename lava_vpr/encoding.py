@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,12 @@ from lava_vpr.readers import Found
 from lava_vpr.storage.limits import within
 from lava_vpr.traverse import Traverse
 from lava_vpr.vectors.files import checked_vectors
+
+Framed: TypeAlias = "tuple[NDArray[np.uint8], NDArray[np.bool_] | None]"
+"""What is encoded of an image, uint8 (h, w) or (h, w, 3), and which inputs are not silent, bool (inputs,); None: all
+respond as they do."""
+Framing: TypeAlias = Callable[[NDArray[np.uint8]], Framed]
+"""Makes it of an image; it may know the images before."""
 
 
 def activity_of(
@@ -95,6 +101,7 @@ def encode_views(
     progress: Callable[[int], None] | None = None,
     standard: Standard | None = None,
     threads: int = 1,
+    framing: Framing | None = None,
 ) -> tuple[EncodedTraverse, ...]:
     """`encode_traverse` of every image in each of ``views``: one encoded traverse a view, in their order.
 
@@ -102,10 +109,11 @@ def encode_views(
         traverse, encoder, keep, progress, standard: As there.
         views: The views.
         threads: Threads that share large image files; they change neither the result nor the error.
+        framing: What is encoded of each image (`lava_vpr.framing`); None: all of it.
     """
     check_seen(traverse, encoder)
     read, threads = _reading(traverse, encoder, threads)
-    return _encoded(traverse.names, traverse.indices, read, encoder, views, keep, progress, standard, threads)
+    return _encoded(traverse.names, traverse.indices, read, encoder, views, keep, progress, standard, threads, framing)
 
 
 def _reading(traverse: Traverse, encoder: EncoderConfig, threads: int) -> tuple[Callable[[int], NDArray[Any]], int]:
@@ -149,12 +157,13 @@ def encode_arrays(
     keep: Keep = Keep.NOTHING,
     names: Sequence[str] | None = None,
     standard: Standard | None = None,
+    framing: Framing | None = None,
 ) -> tuple[EncodedTraverse, ...]:
     """`encode_views` of images, or vectors, that are in memory, counted from 0.
 
     Args:
         images: Each (h, w) grey or (h, w, 3) BGR, uint8; or a vector of real numbers (values,).
-        encoder, views, keep, standard: As in `encode_views`.
+        encoder, views, keep, standard, framing: As in `encode_views`.
         names: A name for each; None: ``image 000000``, or ``vector 000000``, and so on.
     Raises:
         InputError: one of them is no image, or no such vector, or there is not one name for each.
@@ -166,7 +175,7 @@ def encode_arrays(
         raise InputError(f"there are {len(named)} names for {len(images)} {word}s; give one for each")
     taken = _vectors(images, encoder.vector_values, names) if vectors else _images(images, names)
     indices = np.arange(len(taken), dtype=np.int64)
-    return _encoded(named, indices, taken.__getitem__, encoder, views, keep, None, standard)
+    return _encoded(named, indices, taken.__getitem__, encoder, views, keep, None, standard, framing=framing)
 
 
 def image_traverse(images: Sequence[NDArray[Any]]) -> Traverse:
@@ -216,11 +225,12 @@ def encoded_batches(
     standard: Standard | None = None,
     threads: int = 1,
     keep: Keep = Keep.NOTHING,
+    framing: Framing | None = None,
 ) -> Iterator[tuple[EncodedTraverse, ...]]:
     """`encode_views` for ``size`` images at a time, in order; a batch is encoded when it is asked for.
 
     Args:
-        traverse, encoder, views, progress, standard, threads, keep: As in `encode_views`.
+        traverse, encoder, views, progress, standard, threads, keep, framing: As in `encode_views`.
         size: Images in a batch, but for the last.
         first: Images in the first batch, if those shall be fewer; each is twice as large as the one before, up to
             ``size``.
@@ -233,7 +243,7 @@ def encoded_batches(
     while start < len(traverse):
         part = traverse.take(range(start, min(start + count, len(traverse))))
         own = partial(lambda start, i: read(start + i), start)
-        yield _encoded(part.names, part.indices, own, encoder, views, keep, progress, standard, threads)
+        yield _encoded(part.names, part.indices, own, encoder, views, keep, progress, standard, threads, framing)
         start, count = start + count, min(2 * count, size)
 
 
@@ -247,6 +257,7 @@ def _encoded(
     progress: Callable[[int], None] | None,
     standard: Standard | None,
     threads: int = 1,
+    framing: Framing | None = None,
 ) -> tuple[EncodedTraverse, ...]:
     """The images that ``read`` reads, which have these names and indices, encoded in each of ``views``."""
     parts = {part: made for part, made in _parts(encoder).items() if part in keep}
@@ -258,7 +269,7 @@ def _encoded(
 
     def encode(i: int) -> NDArray[Any]:
         """Read and encode an image; the image."""
-        whole = read(i)
+        whole, heard = (read(i), None) if framing is None else framing(read(i))
         for k, view in enumerate(seen):
             image = seen_as(whole, view)
             for part, (_, _, of) in parts.items():
@@ -268,9 +279,11 @@ def _encoded(
                 activity[k, i] = activity_of(image, encoder, patch, standard)
             except InputError as error:
                 raise InputError(f"{names[i]}: {error}") from None
+        if heard is not None:
+            activity[:, i] *= heard
         return whole
 
-    for some in _in_order(encode, len(names), threads):
+    for some in _in_order(encode, len(names), threads if framing is None else 1):
         if progress is not None:
             progress(some)
     arrays = {str(part.name).lower(): array for part, array in kept.items()}

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from lava_vpr import maps, model as model_file
 from lava_vpr.backends.asking import MODELS, Asker, Asking, calibration_of, open_model, summed
 from lava_vpr.backends.interface import HostBackend
-from lava_vpr.encoding import Keep, encode_arrays, encode_views
+from lava_vpr.encoding import Keep, encode_arrays, encode_views, image_traverse
 from lava_vpr.engine.adaptation import Motion
+from lava_vpr.framing import NO_CROP, of_references
 from lava_vpr.inputs.doubts import Doubts
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matches import Match, matches_of
@@ -63,6 +64,7 @@ class Localizer:
         target_precision: Share of the accepted matches that shall be right; None: 0.95.
         off_map: Share of the images that is taken to be off the map, at least 0 and below 1.
         seed: Seed of the images' spikes; None: the model's.
+        crop: ``auto``: bars at the edges of images are cropped, or masked where they cover a part of it; or ``none``.
     Raises:
         LavaVprError: the model cannot be used, or not like this.
     """
@@ -77,19 +79,21 @@ class Localizer:
         target_precision: float | None = None,
         off_map: float = HALF,
         seed: int | None = None,
+        crop: str = NO_CROP,
     ) -> None:
         check_arguments(
-            "motion query_views off_map",
+            "motion query_views off_map crop",
             motion=motion,
             adapt=adapt,
             query_views=query_views,
             target_precision=target_precision,
             off_map=off_map,
             seed=seed,
+            crop=crop,
         )
         if not isinstance(model, Model):
             check_arguments("model", model=model)
-        self._asking, self._seed = Asking.wanted(query_views, adapt), seed
+        self._asking, self._seed = Asking.wanted(query_views, adapt, crop), seed
         self._motion, self._precision, self._off_map = motion, target_precision, off_map
         self._backend, self._calls = HostBackend(), 0
         self._use(model if isinstance(model, Model) else load(model))
@@ -124,7 +128,7 @@ class Localizer:
         """Forget the images so far: the next may be anywhere, on the map or off it."""
         self._scores: NDArray[np.float64] | None = None
         self._asker, self._moving = Asker(self._model, self._asking, self._seed), Motion()
-        self._doubts = Doubts()
+        self._doubts, self._framing = Doubts(), self._asking.framing(self._model)
         self._answerer = Answerer.of(self._model.config.decoder.default, self._model.places, self._together)
 
     def update(
@@ -148,10 +152,10 @@ class Localizer:
             InputError: the image is none, or the odometry cannot be used.
         """
         model, word = self._model, INPUTS[self._model.config.encoder.kind].sees
-        names = [f"{word} {self._calls}" if name is None else name]
+        how: Any = {"names": [f"{word} {self._calls}" if name is None else name], "standard": model.standard}
         self._calls += 1
         check_arguments(stamp=stamp, odometry=odometry, name=name)
-        seen = encode_arrays([image], model.config.encoder, self._views, names=names, standard=model.standard)
+        seen = encode_arrays([image], model.config.encoder, self._views, **how, framing=self._framing)
         shown = self._asker.presentations(seen)
         counts = summed(self._backend.count_spikes(self._model, shown)[0], self._asking.views)
         moving = None if self._motion == NONE else self._moving.moving(shown.rates[:1])
@@ -186,9 +190,14 @@ class Localizer:
         """
         check_arguments("images allow_duplicates", images=images, names=names, allow_duplicates=allow_duplicates)
         taken: Any = images
+        encoder, views, crop = self._model.config.encoder, self._model.config.views.views, self._asking.crop
         if isinstance(images, (str, Path)):
-            config, opened = self._model.config, open_traverse(images, events=self._model.config.events)
-            taken = encode_views(opened, config.encoder, config.views.views, Keep.ALL, None, self._model.standard)
+            opened = open_traverse(images, events=self._model.config.events)
+            framing = of_references(opened, encoder, crop)
+            taken = encode_views(opened, encoder, views, Keep.ALL, None, self._model.standard, framing=framing)
+        elif crop != NO_CROP:
+            framing = of_references(image_traverse(list(images)), encoder, crop)
+            taken, names = encode_arrays(list(images), encoder, views, Keep.ALL, names, framing=framing), None
         known = self._model.places
         how: Any = {"names": names, "positions": positions, "allow_duplicates": allow_duplicates}
         changed = maps.extend(self._model, taken, **how)

@@ -176,6 +176,7 @@ def answer_stream(
         model.standard,
         threads,
         keep,
+        asking.framing(model),
     )
     asker, first, doubts = Asker(model, asking, seed), 0, Doubts()
     shown = ((batch[0], asker.presentations(batch)) for batch in batches)

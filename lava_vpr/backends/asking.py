@@ -16,9 +16,10 @@ from lava_vpr import model as model_file
 from lava_vpr.backends.interface import Presentations, query_presentations
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.config import LifNetwork
-from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.encoding import EncodedTraverse, Framing
 from lava_vpr.engine.adaptation import Adaptation, Motion, RunningMean
 from lava_vpr.errors import ConfigError
+from lava_vpr.framing import NO_CROP, OfQueries, check_crop
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.views import View, ViewsConfig
 from lava_vpr.matching.forward_filter import NONE
@@ -37,16 +38,18 @@ class Asking:
         views: Sideways views in which each query is presented, odd; its spike counts are their sum.
         adapt: Time constant in queries by which neurons' biases follow the queries before; None: they do not.
         tracked_adapt: Who tracks a robot adapts as the model's settings say (`tracking`), whatever ``adapt`` is.
+        crop: ``auto``: bars at the edges of queries are cropped or masked (`lava_vpr.framing`); or ``none``.
     """
 
     views: int = 1
     adapt: float | None = None
     tracked_adapt: bool = False
+    crop: str = NO_CROP
 
     @classmethod
-    def wanted(cls, views: int = 1, adapt: float | str | None = MODELS) -> Asking:
+    def wanted(cls, views: int = 1, adapt: float | str | None = MODELS, crop: str = NO_CROP) -> Asking:
         """As a user wants it, for whom ``adapt`` may also be `MODELS`, or `OFF`, as None."""
-        return cls(views, None if isinstance(adapt, str) else adapt, tracked_adapt=adapt == MODELS)
+        return cls(views, None if isinstance(adapt, str) else adapt, tracked_adapt=adapt == MODELS, crop=crop)
 
     def tracking(self, model: Model, motion: str) -> Asking:
         """How queries are asked of ``model`` while a robot moves by ``motion``; without a motion each stands alone."""
@@ -60,9 +63,10 @@ class Asking:
 
         Raises:
             ConfigError: an even number of views, or several of vectors; a time constant below 1; adaptation of a
-                network without biases.
+                network without biases; to crop what has no edges.
         """
         _ = self.of(model)
+        check_crop(self.crop, model.config.encoder)
         if self.views > 1 and INPUTS[model.config.encoder.kind].sees == "vector":
             raise ConfigError(f"--query-views is {self.views}, but the model learned vectors, which have one view")
         if self.adapt is None:
@@ -75,6 +79,10 @@ class Asking:
     def of(self, model: Model) -> tuple[View, ...]:
         """The views in which queries of ``model`` are presented, the straight one first, spaced as its references'."""
         return ViewsConfig(shifts=self.views, shift=model.config.views.shift).views
+
+    def framing(self, model: Model) -> Framing | None:
+        """What takes the queries of ``model`` out of their bars, one drive's in order; None: they are left alone."""
+        return None if self.crop == NO_CROP else OfQueries(model.activity, model.config.encoder)
 
 
 PLAINLY = Asking()

@@ -17,12 +17,13 @@ from rich.measure import Measurement
 from rich.segment import Segment
 from rich.text import Text
 
+from lava_vpr.backends.asking import PLAINLY, Asking
 from lava_vpr.config import Config, EncoderConfig
-from lava_vpr.encoding import EncodedTraverse, Keep, encode_views
+from lava_vpr.encoding import EncodedTraverse, Framing, Keep, encode_views
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import brief, harmless
 from lava_vpr.inputs.vectors import Standard
-from lava_vpr.inputs.views import STRAIGHT, View
+from lava_vpr.inputs.views import View
 from lava_vpr.kernelcache import COMPILING, COMPILING_TEXT
 from lava_vpr.matching.forward_filter import MOTIONS, NONE
 from lava_vpr.matching.probability import HALF, PRECISION
@@ -343,18 +344,24 @@ def backend_progress(backend: str, queries: int) -> Iterator[Callable[[int], Non
 
 
 def encode_queries(
-    traverse: Traverse, model: Model, views: Sequence[View] = (STRAIGHT,), keep: Keep = Keep.NOTHING
+    traverse: Traverse, model: Model, asking: Asking = PLAINLY, keep: Keep = Keep.NOTHING
 ) -> tuple[EncodedTraverse, ...]:
-    """Read a traverse and encode it as ``model`` does, in each of ``views``, with a progress bar."""
-    return encode_in_views(traverse, model.config.encoder, views, keep, model.standard)
+    """Read a traverse and encode it as ``model`` does, in all views in which it is asked, with a progress bar."""
+    views, framing = asking.of(model), asking.framing(model)
+    return encode_in_views(traverse, model.config.encoder, views, keep, model.standard, framing)
 
 
 def encode_in_views(
-    traverse: Traverse, encoder: EncoderConfig, views: Sequence[View], keep: Keep, standard: Standard | None
+    traverse: Traverse,
+    encoder: EncoderConfig,
+    views: Sequence[View],
+    keep: Keep,
+    standard: Standard | None,
+    framing: Framing | None = None,
 ) -> tuple[EncodedTraverse, ...]:
     """Read and encode a traverse, with a progress bar; ``keep`` is what is kept beside the activity."""
     with progress_bar(f"reading {traverse.source}", len(traverse)) as advance:
-        return encode_views(traverse, encoder, views, keep, advance, standard, cores())
+        return encode_views(traverse, encoder, views, keep, advance, standard, cores(), framing)
 
 
 def print_whole(table: Table | str) -> None:

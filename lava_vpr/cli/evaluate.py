@@ -102,7 +102,7 @@ def evaluate(
     with pool_at(address) as pool:
         calibration = calibration_of(model, pool) if compared.sequence == compared.asking.views == 1 else None
         how = replace(compared, rivals=names, keep_scores=results.drawn, calibration=calibration)
-        queries, *further = encode_queries(traverse, model, how.asking.of(model), kept)
+        queries, *further = encode_queries(traverse, model, how.asking, kept)
         with backend_progress(backend, len(queries)) as advance:
             running = partial(recognise, pool=pool, advance=advance)
             result = running(model, queries, correct, how, backend=backend, seed=seed, further=further)

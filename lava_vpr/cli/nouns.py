@@ -16,6 +16,7 @@ from lava_vpr.cli.outputs import Outputs, show_results
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.datasets.selecting import Benchmark
 from lava_vpr.errors import InputError, brief, shown
+from lava_vpr.framing import CROPS, NO_CROP
 from lava_vpr.model import Model
 from lava_vpr.positions.track import MOST_GAP_S
 from lava_vpr.show.table import FORMS, Table
@@ -203,6 +204,14 @@ class TimeConstant(Number):
             self.fail(f"{error.message.rstrip('.')}; give a number of queries, at least 1, or {OFF}", param, ctx)
 
 
+crop_option = click.option(
+    "--crop",
+    type=click.Choice(CROPS),
+    default=NO_CROP,
+    show_default=True,
+    help="auto: bars at the edges of images are cropped, or masked where they cover a part of it.",
+)
+
 asking_options = noun(
     "asking",
     Asking.wanted,
@@ -222,8 +231,9 @@ asking_options = noun(
         show_default=True,
         help="Sideways views in which each query is presented, an odd number.",
     ),
+    crop_option,
 )
-"""``--adapt`` and ``--query-views``, given to the command as ``asking``."""
+"""``--adapt``, ``--query-views`` and ``--crop``, given to the command as ``asking``."""
 
 jobs_option = click.option(
     "--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors)."

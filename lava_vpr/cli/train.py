@@ -9,7 +9,14 @@ import click
 
 from lava_vpr import model as model_file
 from lava_vpr.cli.common import PATH, Number, RegisteredName, console, seed_type, setting_type, stderr, whole_numbers
-from lava_vpr.cli.nouns import dataset_options, every_option, jobs_option, places_option, reference_positions_options
+from lava_vpr.cli.nouns import (
+    crop_option,
+    dataset_options,
+    every_option,
+    jobs_option,
+    places_option,
+    reference_positions_options,
+)
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.learning import TERMINAL
@@ -119,6 +126,7 @@ from lava_vpr.training.trainers import LEARNING
     help="Vectors: measure them by the mean, scale and projection of this model, not their own, so that both can be "
     "merged.",
 )
+@crop_option
 @jobs_option
 @cluster_option
 @click.option("--seed", type=seed_type, default=None, help="Seed of start weights and spikes.  [default: 0]")

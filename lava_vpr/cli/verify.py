@@ -51,7 +51,7 @@ def verify(
     # The truth of all queries, then the first of them: fewer queries than places would be refused as not aligned.
     truth = aligned_truth(model, traverse)[:limit]
     compared = traverse.take(range(min(limit, len(traverse))))
-    queries, *further = encode_queries(compared, model, asking.of(model))
+    queries, *further = encode_queries(compared, model, asking)
     chosen = ("host", *(name for name in names if name != "host")) if names else None
     with one_bar() as show:
         verdicts = verify_spikes(

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -90,9 +91,8 @@ def watch(
     SOURCE, unless there is a page to be looked at.
     """
     adapt = MODELS if asking.tracked_adapt else asking.adapt
-    localizer = Localizer(
-        model_path, motion, adapt, asking.views, target_precision=target_precision, off_map=off_map, seed=seed
-    )
+    how: dict[str, Any] = {"target_precision": target_precision, "off_map": off_map, "seed": seed, "crop": asking.crop}
+    localizer = Localizer(model_path, motion, adapt, asking.views, **how)
     recent, notes, events = Recent(localizer.model), Notes(), localizer.model.config.events
     found = open_source(source, every=every, topic=topic, events=events, live=True, existing=existing)
 

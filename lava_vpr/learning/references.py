@@ -15,6 +15,7 @@ from lava_vpr.config import Config
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views, image_traverse
 from lava_vpr.errors import InputError, UsageError, shown
+from lava_vpr.framing import NO_CROP, of_references
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import XY, Positions, placed
@@ -106,6 +107,7 @@ def encode_route(
     like: Model | str | Path | None = None,
     keep: Keep = Keep.ALL,
     threads: int = 1,
+    crop: str = NO_CROP,
 ) -> Encoded:
     """The references that show the places of a route, encoded with settings that fit them.
 
@@ -116,6 +118,7 @@ def encode_route(
         like: The model whose standard vectors are measured by; None: their own.
         keep: What is kept beside the activity.
         threads: Threads that read them; they do not change the result.
+        crop: ``auto``: bars that the images of a traverse have in common are left out (`lava_vpr.framing`).
     Raises:
         LavaVprError: images or settings cannot be used.
     """
@@ -129,7 +132,7 @@ def encode_route(
         standard = standard_like((like if isinstance(like, Model) else open_model(like)).standard, config)
     if standard is not None:
         monitor.line(f"note: {in_words(config, standard)}")
-    references = encode_references(traverses, config, standard, monitor, keep, threads)
+    references = encode_references(traverses, config, standard, monitor, keep, threads, crop)
     check_responses(references, [traverse.source for traverse in traverses])
     return Encoded(config, standard, references)
 
@@ -141,14 +144,16 @@ def encode_references(
     monitor: Monitor = UNSEEN,
     keep: Keep = Keep.ALL,
     threads: int = 1,
+    crop: str = NO_CROP,
 ) -> list[EncodedTraverse]:
     """The images of ``traverses`` as training takes them, in all views, with a bar for each."""
     views = config.views.views
 
     def encoded(traverse: Traverse, kept: Keep) -> tuple[EncodedTraverse, ...]:
+        framing = of_references(traverse, config.encoder, crop, monitor.line)
         with monitor.bar(f"reading {traverse.source}", len(traverse)) as advance:
             return encode_views(
-                traverse, config.encoder, views, kept, lambda read: advance(read, ""), standard, threads
+                traverse, config.encoder, views, kept, lambda read: advance(read, ""), standard, threads, framing
             )
 
     # A model keeps the thumbnails of its first traverse.

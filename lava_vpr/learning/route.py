@@ -26,6 +26,7 @@ from lava_vpr.datasets.selecting import Benchmark, Selection
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError, UsageError, shown
 from lava_vpr.events.files import is_recording
+from lava_vpr.framing import NO_CROP
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.learning.behind import compared
 from lava_vpr.learning.references import Images, Places, each, encode_route, in_memory, located_each
@@ -78,6 +79,7 @@ def train(
     cluster: str | None = None,
     checkpoint: str | Path | None = None,
     resume: bool = False,
+    crop: str = NO_CROP,
     progress: Monitor = UNSEEN,
     **settings: Any,
 ) -> Model:
@@ -106,6 +108,8 @@ def train(
         cluster: ``tcp://HOST:PORT`` of a Dask scheduler whose workers learn instead.
         checkpoint: Where progress is kept while it learns; removed once it has.
         resume: Go on from ``checkpoint``.
+        crop: ``auto``: bars that the images of a traverse have in common are cropped, or masked where they cover a
+            part of them (`lava_vpr.framing`); or ``none``.
         progress: Shows what is being done, and takes notes on it.
         settings: Single settings, of `SETTINGS`: ``seed=1``, ``epochs=4``, ``learning="template"``.
     Returns:
@@ -126,8 +130,9 @@ def train(
         "parts": parts,
         "checkpoint": checkpoint,
         "resume": resume,
+        "crop": crop,
     }
-    check_arguments("every stamps gap parts resume", rates=rates, threads=threads, cluster=cluster, **arguments)
+    check_arguments("every stamps gap parts resume crop", rates=rates, threads=threads, cluster=cluster, **arguments)
     if bool(references) == (rates is not None):
         raise InputError("there is nothing to learn, or too much; give the images of a route, or rates")
     if rates is not None:
@@ -177,6 +182,7 @@ class Training:
     standard: Model | str | Path | None = None
     checkpoint: Path | None = None
     resume: bool = False
+    crop: str = NO_CROP
 
     @classmethod
     def of(cls, references: Sequence[Images], **arguments: Any) -> Training:
@@ -245,7 +251,9 @@ class Training:
         opened(path for traverse in whole for path in traverse.paths)
         chosen, config = self._chosen(whole, monitor)
         stretches = check_size(len(chosen[0]), config, len(chosen), self.parts)
-        config, standard, references = encode_route(chosen, config, monitor, self.standard, threads=pool.threads)
+        config, standard, references = encode_route(
+            chosen, config, monitor, self.standard, threads=pool.threads, crop=self.crop
+        )
         started = time.perf_counter()
         try:
             with learning_bar(

@@ -63,6 +63,7 @@ _ARGUMENTS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "off_map": _NUMBER,
     "stamp": (lambda value: _measured(value) or (isinstance(value, Real) and value != value), "a number of seconds"),
     "name": _TEXT,
+    "crop": (lambda value: value in ("none", "auto"), "'none' or 'auto'"),
     "odometry": (_measured, "a finite number of metres (leave it out where unknown)"),
     "every": _ABOVE_0,
     "spacing": _ABOVE_0,

@@ -18,7 +18,14 @@ import click
 from lava_vpr import maps, model as model_file
 from lava_vpr.backends.asking import open_model
 from lava_vpr.cli.common import PATH, Number, Parsed, RegisteredName, console, stage, stderr
-from lava_vpr.cli.nouns import every_option, jobs_option, place_range, places_option, reference_positions_options
+from lava_vpr.cli.nouns import (
+    crop_option,
+    every_option,
+    jobs_option,
+    place_range,
+    places_option,
+    reference_positions_options,
+)
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.cli.train import describe, tell
@@ -64,6 +71,7 @@ def place_ranges(text: str) -> tuple[tuple[int, int], ...]:
 @every_option
 @reference_positions_options
 @duplicates_option
+@crop_option
 @jobs_option
 def extend(
     model_path: Path,
@@ -72,6 +80,7 @@ def extend(
     places: tuple[int, int] | None,
     every: float,
     allow_duplicates: bool,
+    crop: str,
     jobs: int | None,
     **where: Any,
 ) -> None:
@@ -95,7 +104,7 @@ def extend(
         check_references([len(traverse) for traverse in chosen], images, least=1)
         stretches = check_extension(model, len(chosen[0]), len(chosen), model_path)
         known = _positions(model, chosen[0], bool(where["positions"]), model_path)
-        references = encode_references(chosen, model.config, model.standard, TERMINAL, threads=pool.threads)
+        references = encode_references(chosen, model.config, model.standard, TERMINAL, threads=pool.threads, crop=crop)
         extending = partial(maps.extend, model, references, allow_duplicates=allow_duplicates)
         started = time.perf_counter()
         with learning_bar(TERMINAL, stretches, model.config, len(chosen)) as bar:
