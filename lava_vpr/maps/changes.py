@@ -54,7 +54,7 @@ def extend(
             own traverse; None: they are none, and their indices are counted on.
         positions: Where the new places are; an array (images, 2) is in the model's frame. Needed if the model knows
             that of its own, and only then.
-        allow_duplicates: Whether new places may show images of places that the model has.
+        allow_duplicates: Whether new places may show images of places that the model has, or of new ones before.
         pool: Who learns and measures; it changes nothing.
         progress: Called after every presentation, from any thread; its stretches are the new ones.
     Raises:
@@ -70,7 +70,7 @@ def extend(
     route = LearnedRoute(references, own, placed(positions, model.frame or XY), model.standard)
     route.check(config.encoder)
     check_positions((part.route, route))
-    check_duplicates((part.route, route), allow_duplicates)
+    check_duplicates((part.route, route), allow_duplicates, learning=True)
     trainers = trainers_of(stretches, references, config)
     learn(trainers, stretches, references, config, pool=pool, progress=progress)
     new = MapPart(learned_weights(trainers, config), stretches, route)

@@ -1,4 +1,4 @@
-"""Images that a map has already: a map that learns them again is half as sure of their places."""
+"""Images that a map has already, or would twice: a map that learns them again is half as sure of their places."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ NAMED = 3
 """Duplicates that a message names."""
 
 
-def check_duplicates(routes: Sequence[LearnedRoute], allowed: bool) -> None:
+def check_duplicates(routes: Sequence[LearnedRoute], allowed: bool, *, learning: bool = False) -> None:
     """Refuse images that are, as the network sees them, those of a route before theirs.
 
     Args:
         routes: The parts of a map, in order; blank images are not compared.
         allowed: Whether duplicates are told only.
+        learning: Whether the last route is yet to be learned, so that none may show an image of its own before, either.
     Raises:
         InputError: there are some, and they are not allowed.
     """
@@ -29,8 +30,9 @@ def check_duplicates(routes: Sequence[LearnedRoute], allowed: bool) -> None:
         for name, index, seen in zip(first.names, first.indices.tolist(), first.activity, strict=True):
             if seen.any():
                 digest = hashlib.blake2b(seen.tobytes(), digest_size=16).digest()
-                own[digest] = f"place {index} ({shown(name)})"
-                again += [f"{shown(name)} is {known[digest]}"] if digest in known else []
+                before = known.get(digest) or (own.get(digest) if learning and route is routes[-1] else None)
+                again += [f"{shown(name)} is {before}"] if before else []
+                own.setdefault(digest, f"place {index} ({shown(name)})")
         known = own | known
     if not again:
         return

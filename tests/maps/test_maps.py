@@ -346,10 +346,17 @@ def test_images_that_the_map_has_already_are_refused_unless_allowed(caplog: pyte
         "img7.png is place 7 (img7.png)",
         ("img0.png is place 0 (img0.png), img1.png is place 1 (img1.png), img2.png is "),
     )
+    twice = [  # among what is added, place 2 is place 0
+        dataclasses.replace(part.take([0, 1, 0]), indices=np.arange(3)) for part in whole.part(CUTS[0], PLACES)
+    ]
     for attempt, said in (
         (
             partial(maps.extend, first, whole.part(CUTS[0] - 2, PLACES, CUTS[0] - 2)),
             f"2 of the 7 places added show images that the map has already: {is_6}, {is_7}",
+        ),
+        (
+            partial(maps.extend, first, twice),
+            "1 of the 3 places added show images that the map has already: img8.png is place 0 (img8.png)",
         ),
         (
             partial(maps.merge, [first, first]),
