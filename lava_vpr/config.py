@@ -41,6 +41,8 @@ class LifNetwork:
             resets its states.
         signed: Weights are what a neuron has learned less what all neurons share, with a sign, and its mean drive over
             the references is taken off as a bias.
+        surroundings: Of how many places on either side of a neuron's own, of its stretch, the mean is taken off its
+            weights (`lava_vpr.engine.inference.surroundings`); 0: the mean over all. Signed weights only.
         weight_bits: Bits of one weight's magnitude: 1..8, signed 1..7.
         prune: Share of each neuron's weights, those of the smallest magnitude, that is set to 0.
         threshold: Firing threshold of every excitatory neuron.
@@ -59,6 +61,7 @@ class LifNetwork:
     neurons_per_place: Annotated[float, Range(0, 100, "least")] = 1.0
     steps: Annotated[int, Range(4, 65_536, only="a power of two")] = 128
     signed: bool = True
+    surroundings: Annotated[int, Range(0, 1000)] = 0
     weight_bits: Annotated[int, Range(1, 8)] = 3
     prune: Annotated[float, Range(0, 1, "most")] = 0.0
     threshold: Annotated[float, Range(0, 10_000, "least")] = 1.0
@@ -72,6 +75,7 @@ class LifNetwork:
         check(self, "network", **({"weight_bits": _SIGNED_BITS} if self.signed else {}))
         fits = self.trains == "regular" or self.input_mode == "injected"
         need(fits, "network.trains", self.trains, "regular where input_mode is bias")
+        need(self.signed or not self.surroundings, "network.surroundings", self.surroundings, "0 where signed is false")
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,13 @@ _LONGEST_LINE, _LONGEST_NAME = 1000, 60
 
 
 def to_dict(config: Config) -> dict[str, Any]:
-    """``config`` as nested plain dictionaries, ready for TOML or JSON."""
-    return dataclasses.asdict(
-        config, dict_factory=lambda items: {k: v.item() if isinstance(v, np.generic) else v for k, v in items}
-    )
+    """``config`` as nested plain dictionaries, ready for TOML or JSON; without what is off and older files lack."""
+
+    def plain(items: list[tuple[str, Any]]) -> dict[str, Any]:
+        kept = (item for item in items if item != ("surroundings", 0))
+        return {key: value.item() if isinstance(value, np.generic) else value for key, value in kept}
+
+    return dataclasses.asdict(config, dict_factory=plain)
 
 
 def _named(section: str, key: str) -> str:

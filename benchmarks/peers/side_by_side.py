@@ -50,7 +50,7 @@ from lava_vpr.encoding import (
 )
 from lava_vpr.engine.conductance.model import ConductanceState, count_spikes, initial_state, train_presentation
 from lava_vpr.engine.inference import fixed, quantise
-from lava_vpr.engine.inference.quantise import Shown
+from lava_vpr.engine.inference.surroundings import Shown
 from lava_vpr.engine.learning import stdp
 from lava_vpr.engine.presentations import cores
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys

@@ -24,6 +24,7 @@ from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config
+from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.presentations import cores
 from lava_vpr.experiments.cache import content_key
@@ -160,7 +161,7 @@ def short_hash(text: str) -> str:
 
 def settings_hash(row: ResultRow) -> str:
     """A hash of everything that a row says, the preset's settings among it."""
-    return short_hash(json.dumps([asdict(row), SEEDS], sort_keys=True))
+    return short_hash(json.dumps([{**asdict(row), "config": to_dict(row.config)}, SEEDS], sort_keys=True))
 
 
 @cache

@@ -143,7 +143,9 @@ def with_settings(model: Model, changes: Changes) -> Model:
 
 def distinctive(model: Model) -> NDArray[np.float64]:
     """Weights to quantise, from those that ``model`` has learned, under its settings."""
-    return quantise.distinctive(model.learned, integer_model(model, PURPOSE).config.network)
+    network = integer_model(model, PURPOSE).config.network
+    parts = shown_references(model.stretches, model.activity, model.config)
+    return quantise.distinctive(model.learned, network, parts)
 
 
 def _quantised(model: Model, weights: NDArray[np.float64]) -> FixedNetwork:

@@ -16,7 +16,7 @@ from lava_vpr.config import Config, IntegerConfig, integer_config
 from lava_vpr.encoding import query_rates16, training_rates
 from lava_vpr.engine.inference import fixed, quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.inference.quantise import Shown
+from lava_vpr.engine.inference.surroundings import Shown
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys
 from lava_vpr.inputs.views import augmented
 from lava_vpr.model import Stretch
@@ -43,7 +43,7 @@ class SlayerTrainer:
         self._weights = np.ascontiguousarray(self._start(stretch.places), np.float32)
         self._first, self._second = np.zeros_like(self._weights), np.zeros_like(self._weights)
         shown = query_rates16(activity, config.encoder)
-        self._shown = [Shown(shown, slice(0, stretch.places))]
+        self._shown = [Shown(shown, slice(0, stretch.places), len(activity) // stretch.places)]
 
     def _start(self, places: int) -> NDArray[np.float64]:
         """Start weights of norm 1, (inputs, places): templates, or drawn evenly to all sides."""
@@ -74,7 +74,7 @@ class SlayerTrainer:
     def _network(self) -> fixed.FixedNetwork:
         """What would be deployed now."""
         settings = self._config.network
-        return quantise.quantise(quantise.distinctive(self._weights, settings), settings, self._shown)
+        return quantise.quantise(quantise.distinctive(self._weights, settings, self._shown), settings, self._shown)
 
     def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
         """No spike: the epoch has been learned."""

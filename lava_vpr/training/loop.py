@@ -263,8 +263,8 @@ def integer_network(
         NetworkLimitError: it could overflow Loihi's registers.
     """
     network = integer_config(config, "quantising").network
-    weights = quantise.distinctive(learned, network)
-    return quantise.quantise(weights, network, shown_references(stretches, activity, config))
+    shown = shown_references(stretches, activity, config)
+    return quantise.quantise(quantise.distinctive(learned, network, shown), network, shown)
 
 
 def joined(

@@ -33,7 +33,7 @@ from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse, query_rates, query_rates16
 from lava_vpr.engine.blocks import BLOCK, Block, counted, of_integers
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.inference.quantise import Shown
+from lava_vpr.engine.inference.surroundings import Shown
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys, uniform
 from lava_vpr.inputs.encoder import INPUTS, ChannelLayout
 from lava_vpr.matching import decoders
@@ -319,6 +319,7 @@ def shown_references(stretches: Sequence[Stretch], activity: NDArray[np.float32]
         Shown(
             rates[:, part.view, part.first_place : part.first_place + part.places].reshape(-1, inputs),
             slice(part.first_neuron, part.first_neuron + part.neurons),
+            len(rates),
         )
         for part in stretches
     )

@@ -14,7 +14,6 @@ from lava_vpr.config import LifNetwork
 from lava_vpr.engine.inference.biases import bias_registers
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import (
-    Shown,
     biases_of,
     check_steps,
     distinctive,
@@ -26,6 +25,7 @@ from lava_vpr.engine.inference.quantise import (
     quantise,
     unit_norm,
 )
+from lava_vpr.engine.inference.surroundings import Shown
 from lava_vpr.errors import ConfigError, NetworkLimitError
 
 PLACES, INPUTS = 12, 300

@@ -71,6 +71,7 @@ _TRUTH = {str(k): [k, k + 1] for k in range(PLACES)}
 INPUTS: dict[str, Any] = {
     # Settings
     "quick.toml": _QUICK,
+    "around.toml": _QUICK.replace("steps = 256", "steps = 256\nsurroundings = 4"),
     "paper.toml": _PAPER + "[learning]\nepochs = 3\nlabel_epochs = 2\n",
     "integer.toml": _QUICK + '[decoder]\ndefault = "standard"\n',
     "events.toml": "[network]\nsteps = 64\n[learning]\nsteps = 100\nepochs = 4\n[events]\nhot_pixels = 6.0\n",

@@ -41,6 +41,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "views": {"views": {"shifts": 3}},
     "whole": {"stretch": 0},
     "more": {"network": {"neurons_per_place": 1.5, "signed": False}},
+    "surroundings": {"network": {"surroundings": 2}},
 }
 """Settings, by name."""
 HERE = Positions(np.arange(2.0 * PLACES).reshape(PLACES, 2), "xy")

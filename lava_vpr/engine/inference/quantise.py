@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from lava_vpr.config import LifNetwork
 from lava_vpr.engine.inference.biases import held_biases
 from lava_vpr.engine.inference.fixed import FixedNetwork, silent_steps
+from lava_vpr.engine.inference.surroundings import Shown, surroundings
 from lava_vpr.errors import ConfigError
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, DECAY_BITS, INPUT_SHIFT, SIGNED_WEIGHT_LIMIT
 
@@ -27,18 +28,6 @@ TOP_PERCENTILE = 99.9
 
 RATE_UNIT = 1 << 16
 """Rates are in units of 1 / RATE_UNIT spikes a step."""
-
-
-class Shown(NamedTuple):
-    """References by whose rates neurons are scaled: those of one stretch.
-
-    Attributes:
-        rates: Their rates as queries, uint16 (images, inputs).
-        neurons: The neurons that learned them.
-    """
-
-    rates: NDArray[np.uint16]
-    neurons: slice
 
 
 def unit_norm(weights: NDArray[Weight]) -> NDArray[np.float64]:
@@ -70,11 +59,16 @@ def pruned(weights: NDArray[Weight], share: float) -> NDArray[Weight]:
     return kept
 
 
-def distinctive(learned: NDArray[np.float32], network: LifNetwork) -> NDArray[np.float64]:
+def distinctive(learned: NDArray[np.float32], network: LifNetwork, shown: Sequence[Shown] = ()) -> NDArray[np.float64]:
     """Weights of norm 1 from ``learned`` ones (inputs, neurons), as ``network.signed`` and ``prune`` ask.
 
-    Signed weights are what a neuron learned less what all neurons share, the mean over them of weights of norm 1.
+    Signed weights are what a neuron learned less what all neurons share, the mean over them of weights of norm 1, or
+    less what it shares with its surroundings.
 
+    Args:
+        learned: Float weights.
+        network: Settings.
+        shown: As in `quantise`; where ``network.surroundings`` is 0 nobody asks for it.
     Raises:
         ConfigError: nothing was learned, all neurons have learned the same, or pruning leaves nothing of it.
     """
@@ -83,7 +77,11 @@ def distinctive(learned: NDArray[np.float32], network: LifNetwork) -> NDArray[np
         raise ConfigError("all weights are 0: nothing was learned; check learning.eta and the reference images")
     if network.signed:
         learning = weights.any(axis=0)
-        weights[:, learning] -= weights[:, learning].mean(axis=1, keepdims=True)
+        common = weights[:, learning].mean(axis=1, keepdims=True)
+        if network.surroundings:
+            parts = [surroundings(weights[:, part.neurons], common, network.surroundings, part) for part in shown]
+            common = np.concatenate(parts, axis=1)[:, learning]
+        weights[:, learning] -= common
         weights[np.abs(weights) < 1e-12] = 0.0  # what rounding left of equal weights
         if not weights.any():
             raise ConfigError(
