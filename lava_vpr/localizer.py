@@ -13,8 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from lava_vpr import maps, model as model_file
 from lava_vpr.backends.asking import MODELS, Asker, Asking, calibration_of, open_model, summed
 from lava_vpr.backends.interface import HostBackend
+from lava_vpr.backends.season import load as load_season, save as save_season
 from lava_vpr.encoding import Keep, encode_arrays, encode_views, image_traverse
 from lava_vpr.engine.adaptation import Motion
+from lava_vpr.engine.gains import Season
+from lava_vpr.errors import ConfigError
 from lava_vpr.framing import NO_CROP, of_references
 from lava_vpr.inputs.doubts import Doubts
 from lava_vpr.inputs.encoder import INPUTS
@@ -65,6 +68,8 @@ class Localizer:
         off_map: Share of the images that is taken to be off the map, at least 0 and below 1.
         seed: Seed of the images' spikes; None: the model's.
         crop: ``auto``: bars at the edges of images are cropped, or masked where they cover a part of it; or ``none``.
+        learn: Whether gains of inputs follow from sure answers, so that those count which survive the season.
+        season: What was learned of it before, or the path of its file; None: nothing.
     Raises:
         LavaVprError: the model cannot be used, or not like this.
     """
@@ -80,9 +85,11 @@ class Localizer:
         off_map: float = HALF,
         seed: int | None = None,
         crop: str = NO_CROP,
+        learn: bool = False,
+        season: Season | str | Path | None = None,
     ) -> None:
         check_arguments(
-            "motion query_views off_map crop",
+            "motion query_views off_map crop learn",
             motion=motion,
             adapt=adapt,
             query_views=query_views,
@@ -90,14 +97,19 @@ class Localizer:
             off_map=off_map,
             seed=seed,
             crop=crop,
+            learn=learn,
         )
+        if not (season is None or isinstance(season, Season)):
+            check_arguments(path=season)
+            season = load_season(season)
         if not isinstance(model, Model):
             check_arguments("model", model=model)
-        self._asking, self._seed = Asking.wanted(query_views, adapt, crop), seed
+        self._asking = dataclasses.replace(Asking.wanted(query_views, adapt, crop), learn=learn, season=season)
+        self._seed = seed
         self._motion, self._precision, self._off_map = motion, target_precision, off_map
         self._backend, self._calls = HostBackend(), 0
         self._use(model if isinstance(model, Model) else load(model))
-        self.reset()
+        self._begin()
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "_scores_of"}
@@ -124,8 +136,21 @@ class Localizer:
         """
         return self._scores
 
+    @property
+    def season(self) -> Season | None:
+        """What is known of the season; None where nothing is learned, and nothing was."""
+        return None if self._asker.learner is None else self._asker.learner.season
+
     def reset(self) -> None:
-        """Forget the images so far: the next may be anywhere, on the map or off it."""
+        """Forget the images so far: the next may be anywhere, on the map or off it.
+
+        With ``learn``, what they taught of the season stays, their mean included; `save_season` keeps it.
+        """
+        self._asking = dataclasses.replace(self._asking, season=self.season)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Ask and answer from the first image on."""
         self._scores: NDArray[np.float64] | None = None
         self._asker, self._moving = Asker(self._model, self._asking, self._seed), Motion()
         self._doubts, self._framing = Doubts(), self._asking.framing(self._model)
@@ -158,10 +183,11 @@ class Localizer:
         seen = encode_arrays([image], model.config.encoder, self._views, **how, framing=self._framing)
         shown = self._asker.presentations(seen)
         counts = summed(self._backend.count_spikes(self._model, shown)[0], self._asking.views)
-        moving = None if self._motion == NONE else self._moving.moving(shown.rates[:1])
+        moving = None if self._motion == NONE else self._moving.moving(shown.seen[:1])
         stamps = None if stamp is None else np.array([stamp], np.float64)
         scores = self._scores_of(counts)
         self._answerer, answers = self._answerer.step(scores, moving, odometry, stamps)
+        self._asker.learn(answers)
         self._scores = scores[0]
         good = accepted(answers, self._least)
         signs = [self._doubts.sign(seen[0].activity[0], stamp, odometry)]
@@ -224,6 +250,18 @@ class Localizer:
         check_arguments("path", path=path)
         model_file.save(self._model, Path(path))
 
+    def save_season(self, path: str | Path) -> None:
+        """Write what is known of the season to a file; it appears complete or not at all.
+
+        Raises:
+            ConfigError: nothing is learned here.
+            ModelFileError: it cannot be written.
+        """
+        check_arguments("path", path=path)
+        if self.season is None:
+            raise ConfigError("there is no season to save; give learn=True, or a season")
+        save_season(self.season, Path(path))
+
     def _use(self, model: Model) -> None:
         """Take a model, and make the tables that every image needs."""
         self._asking = self._asking.tracking(model, self._motion)
@@ -233,6 +271,7 @@ class Localizer:
         self._together = Together(
             motion=self._motion, calibration=known, off_map=self._off_map, along=_along(model.whereabouts)
         )
+        self._asking.check_together(self._together)
         self._least = least_probability(self._together, self._precision)
         self._views, self._scores_of = self._asking.of(model), prepare(model)
 

@@ -6,36 +6,30 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
+from lava_vpr.backends.answering import in_turn, teachers
 from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
 from lava_vpr.backends.interface import Advance, Backend, Events, HostBackend, Presentations, query_presentations
-from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.backends.rivals import Rivals, Scored, chosen as rivals_of, decoded, descriptor_similarities
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
-from lava_vpr.encoding import EncodedTraverse, Keep, encoded_batches
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.adaptation import Adaptation, Motion
-from lava_vpr.inputs.doubts import Doubts, Sign, signs_of
 from lava_vpr.matching import sequences
-from lava_vpr.matching.answers import ALONE, Answerer, Answers, Followed, Held, InBlocks, Together, follow, hold
+from lava_vpr.matching.answers import Answers, Followed, Held, InBlocks, Together, follow, hold
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.probability import HALF, Calibration
 from lava_vpr.matching.trust import Trust, trust
-from lava_vpr.model import Model, integer_model, prepare
+from lava_vpr.model import Model, integer_model
 from lava_vpr.storage.arrays import narrow
-from lava_vpr.traverse import Traverse
 from lava_vpr.truth.alignment import PositionErrors
-
-BATCH = 256
-"""Queries of a stream that are encoded together, and decoded together: enough for the threads of a large machine."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +43,8 @@ class Recognition:
         metrics: Figures by matcher.
         adapted: Figures of the default decoder and of the baselines where they adapt to the queries before, by matcher;
             empty unless that was asked for. Everything else is without.
+        learned: Figures of the default decoder where it adapts and answers teach; empty unless that was asked for.
+        taught: How many answers taught, and how many of those were wrong, by `SINGLE` and `FILTERED`.
         followed: Figures of the default decoder's scores once a filter has followed the queries: `FILTERED`, and
             `SMOOTHED`, which also looks ahead; empty unless a motion was given.
         truth: bool (n, places).
@@ -66,6 +62,8 @@ class Recognition:
     scores: dict[str, NDArray[np.float64]] = field(repr=False)
     metrics: dict[str, Metrics]
     adapted: dict[str, Metrics]
+    learned: dict[str, Metrics]
+    taught: dict[str, tuple[int, int]]
     followed: dict[str, Metrics]
     truth: NDArray[np.bool_] = field(repr=False)
     matches: NDArray[np.int64] = field(repr=False)
@@ -105,95 +103,6 @@ def count_query_spikes(
     shown = query_presentations(model, queries, seed) if shown is None else shown
     chosen = backends.get(backend, threads, advance) if isinstance(backend, str) else backend
     return chosen.count_spikes(model, shown)
-
-
-class Answered(NamedTuple):
-    """Some queries of a stream, in order, and their answers.
-
-    Attributes:
-        images: The queries.
-        answers: What the model says of each.
-        counts: Their spike counts, int32 (n, neurons).
-        thumbnails: The queries as pages show them, uint8 (n, 48, 64, 3) BGR; None unless they were to be kept.
-        signs: What speaks against each of them.
-    """
-
-    images: Traverse
-    answers: Answers
-    counts: NDArray[np.int32]
-    signs: list[Sign]
-    thumbnails: NDArray[np.uint8] | None = None
-
-
-def answer_stream(
-    model: Model,
-    traverse: Traverse,
-    *,
-    backend: str = "host",
-    together: Together = ALONE,
-    asking: Asking = PLAINLY,
-    seed: int | None = None,
-    threads: int = 1,
-    pace: sequences.Pace | None = None,
-    at_once: bool = False,
-    read: Advance | None = None,
-    advance: Advance | None = None,
-    keep: Keep = Keep.NOTHING,
-) -> Iterator[Answered]:
-    """Answer the images of a traverse, some at a time: however many they are, few are in memory.
-
-    Every answer is the one that it has among all queries at once, bit for bit, and alone, unless the network adapts or
-    queries are matched together.
-
-    Args:
-        model: A trained model.
-        traverse: The images.
-        backend: Name in `lava_vpr.backends.registry.BACKENDS`.
-        together: How queries are matched with those before them.
-        asking: How they are asked.
-        seed: The seed of the queries' noise; None: the model's.
-        threads: Threads that read images, and those of the backend; they do not change the result.
-        pace: Told the scores of the queries.
-        at_once: The first image is answered before the second is read, then ever more together; unless the backend is
-            slow to start.
-        read: Told how many more images are read.
-        advance: Told how many more queries a slow backend has run.
-        keep: `Keep.THUMBNAILS`, if they are wanted.
-    Raises:
-        LavaVprError: an image cannot be read, the sequence exceeds the places, or the backend cannot run.
-    """
-    chosen, calls = backends.get(backend, threads, advance), max(1, BACKENDS[backend].together // BATCH)
-    state, motion = Answerer.of(model.config.decoder.default, model.places, together), Motion()
-    scores_of = prepare(model)
-    asking.check(model)
-    batches = encoded_batches(
-        traverse,
-        model.config.encoder,
-        asking.of(model),
-        BATCH,
-        read,
-        1 if at_once and calls == 1 else None,
-        model.standard,
-        threads,
-        keep,
-        asking.framing(model),
-    )
-    asker, first, doubts = Asker(model, asking, seed), 0, Doubts()
-    shown = ((batch[0], asker.presentations(batch)) for batch in batches)
-    while group := list(islice(shown, calls)):
-        counts, _ = chosen.count_spikes(model, Presentations.joined([asked for _, asked in group]))
-        ends = np.cumsum([len(asked.rates) for _, asked in group])
-        for of_batch, (seen, asked) in zip(np.split(counts, ends[:-1]), group, strict=True):
-            some = summed(of_batch, asking.views)
-            part = traverse.take(range(first, first + len(some)))
-            moving = None if together.motion == NONE else motion.moving(asked.rates[: len(some)])
-            scores = scores_of(some)
-            if pace is not None:
-                pace.update(scores)
-            state, answers = state.step(scores, moving, stamps=part.stamps)
-            points = None if part.positions is None else part.positions.points()
-            yield Answered(part, answers, some, signs_of(doubts, seen.activity, part.stamps, points), seen.thumbnails)
-            first += len(some)
 
 
 @dataclass(frozen=True)
@@ -270,9 +179,8 @@ def recognise(
     asking = comparison.asking
     asking.check(model)
     shown = Asker(model, seed=seed).presentations((queries, *further)) if shown is None else shown
-    shown_counts, events = count_query_spikes(
-        model, queries, backend=backend, threads=pool.threads, advance=advance, shown=shown
-    )
+    chosen = backends.get(backend, pool.threads, advance) if isinstance(backend, str) else backend
+    shown_counts, events = chosen.count_spikes(model, shown)
     counts = narrow(summed(shown_counts, asking.views))
     del shown_counts
     default = model.config.decoder.default
@@ -288,15 +196,26 @@ def recognise(
         with nullcontext() if answers_here else DECODERS.spared(name):
             together = Together(sequence, NONE, calibration, off_map)
             held[name] = hold(matcher, scores, truth, together, pace=seen, keep=keep)
-    adapting = cache(partial(_adapted_scores, rivals, backend, advance))
+    adapting = cache(partial(_adapted_scores, rivals, chosen))
     adapted = {
         name: hold(matcher, scores, truth, Together(sequence))
         for name, matcher, scores in _adapted_matchers(rivals, adapting)
     }
+    teaching = partial(_taught, rivals, further, chosen, truth)
+    if sequence > 1:
+        asking.check_together(Together(sequence))
+    tracking, known = asking.tracking(model, comparison.motion), comparison.calibration
+    learned: dict[str, Metrics] = {}
+    taught: dict[str, tuple[int, int]] = {}
+    if tracking.gained and (known is not None or comparison.motion == NONE or not asking.learn):
+        scores, taught[SINGLE] = teaching(tracking, Together(sequence, NONE, known, off_map))
+        learned = {default: hold(default, scores, truth, Together(sequence)).metrics}
     if comparison.motion != NONE and sequence == 1:
-        moving, tau = Motion().moving(shown.rates[: len(queries)]), asking.tracking(model, comparison.motion).adapt
-        scores = decoded(model, counts, default) if tau is None else adapting(tau)
-        by = Together(1, comparison.motion, comparison.calibration, off_map)
+        moving, by = Motion().moving(shown.rates[: len(queries)]), Together(1, comparison.motion, known, off_map)
+        if tracking.gained:
+            scores, taught[FILTERED] = teaching(tracking, by)
+        else:
+            scores = decoded(model, counts, default) if tracking.adapt is None else adapting(tracking.adapt)
         followed = follow(default, scores, truth, by, moving)
     single = held[default].answers
     answers = adapted[default].answers if default in adapted else single
@@ -306,6 +225,8 @@ def recognise(
         scores={name: one.scores for name, one in held.items() if one.scores is not None},
         metrics={name: one.metrics for name, one in held.items()},
         adapted={name: one.metrics for name, one in adapted.items()},
+        learned=learned,
+        taught=taught,
         followed={} if followed is None else {FILTERED: followed.filtered, SMOOTHED: followed.smoothed},
         truth=truth,
         matches=answers.matches,
@@ -332,15 +253,27 @@ def _trusts(
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _adapted_scores(rivals: Rivals, backend: str | Backend, advance: Advance | None, tau: float) -> InBlocks:
+def _adapted_scores(rivals: Rivals, backend: Backend, tau: float) -> InBlocks:
     """The scores of the default decoder where the network adapts to the queries before."""
-    model, shown, views, threads = rivals.model, rivals.shown, rivals.asking.views, rivals.pool.threads
+    model, shown, views = rivals.model, rivals.shown, rivals.asking.views
     bias = Adaptation(integer_model(model, "--adapt").network, tau).biases(shown.rates[: len(rivals.queries)])
-    adapting = replace(shown, bias=np.tile(bias, (views, 1)))
-    counts, _ = count_query_spikes(
-        model, rivals.queries, backend=backend, threads=threads, advance=advance, shown=adapting
-    )
+    counts, _ = backend.count_spikes(model, replace(shown, bias=np.tile(bias, (views, 1))))
     return decoded(model, summed(counts, views), model.config.decoder.default)
+
+
+def _taught(
+    rivals: Rivals,
+    further: Sequence[EncodedTraverse],
+    backend: Backend,
+    truth: NDArray[np.bool_],
+    asking: Asking,
+    together: Together,
+) -> tuple[InBlocks, tuple[int, int]]:
+    """The scores of the default decoder where answers teach, or have; how many did, and how many of these wrong."""
+    model, asker = rivals.model, Asker(rivals.model, asking, rivals.shown.seed)
+    turns = list(in_turn(model, asker, [(rivals.queries, *further)], backend, together))
+    counts = np.concatenate([turn.counts for turn in turns])
+    return decoded(model, counts, model.config.decoder.default), teachers(turns, truth)
 
 
 def _adapted_matchers(rivals: Rivals, adapting: Callable[[float], InBlocks]) -> Iterator[Scored]:
@@ -371,7 +304,10 @@ def as_json(model: Model, result: Recognition, errors: PositionErrors | None = N
         "adapted": result.adapted,
         "followed": result.followed,
     }
+    if result.learned:
+        groups["learned"] = result.learned
     figures = {group: {name: one.as_json() for name, one in found.items()} for group, found in groups.items()}
+    taught = {name: {"answers": many, "wrong": wrong} for name, (many, wrong) in result.taught.items()}
     return {
         "places": model.places,
         "queries": len(result.counts),
@@ -384,6 +320,7 @@ def as_json(model: Model, result: Recognition, errors: PositionErrors | None = N
         "decoders": figures["decoders"],
         "baselines": figures["baselines"],
         "adapted": figures["adapted"],
+        **({"learned": figures.get("learned", {}), "taught": taught} if taught else {}),
         "position_error": None if errors is None else errors.as_json(),
         "followed": figures["followed"],
         "probability": {name: found.as_json() for name, found in result.trust.items()},

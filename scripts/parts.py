@@ -38,10 +38,12 @@ EVAL_KEYS = """```
  "decoders": {{{decoders}}},
  "baselines": {{{baselines}}},
  "adapted": {{NAME: M}},
+ "learned": {{NAME: M}}, "taught": {{"single": {{"answers": n, "wrong": n}}, "filtered": {{"answers": n, "wrong": n}}}},
  "position_error": {{"median_m": x, "p90_m": x, "within": x, "radius_m": x, "matched": n}} or null,
  "followed": {{"filtered": M, "forward_backward": M}},
  "probability": {{"single": P, "filtered": P}},
- "curves": {{"decoders": {{NAME: C}}, "baselines": {{NAME: C}}, "adapted": {{NAME: C}}, "followed": {{NAME: C}}}}}}
+ "curves": {{"decoders": {{NAME: C}}, "baselines": {{NAME: C}}, "adapted": {{NAME: C}}, "learned": {{NAME: C}},
+            "followed": {{NAME: C}}}}}}
 
 M = {{"recall_at_1": x, "recall_at_n": {{"5": x, "10": x}}, "recall_at_100_precision": x,
      "precision_at_100_recall": x, "auc": x}}

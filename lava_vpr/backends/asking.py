@@ -5,7 +5,7 @@ Here, too, models are opened to be asked, from a file or a deployed bundle, with
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,14 +14,18 @@ from numpy.typing import NDArray
 
 from lava_vpr import model as model_file
 from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.backends.season import check_season
+from lava_vpr.backends.teaching import Learner
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.config import LifNetwork
 from lava_vpr.encoding import EncodedTraverse, Framing
 from lava_vpr.engine.adaptation import Adaptation, Motion, RunningMean
+from lava_vpr.engine.gains import Season
 from lava_vpr.errors import ConfigError
 from lava_vpr.framing import NO_CROP, OfQueries, check_crop
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.views import View, ViewsConfig
+from lava_vpr.matching.answers import Answers, Together
 from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.probability import Calibration
 from lava_vpr.model import Model, as_integer, integer_model
@@ -37,14 +41,19 @@ class Asking:
     Attributes:
         views: Sideways views in which each query is presented, odd; its spike counts are their sum.
         adapt: Time constant in queries by which neurons' biases follow the queries before; None: they do not.
-        tracked_adapt: Who tracks a robot adapts as the model's settings say (`tracking`), whatever ``adapt`` is.
+        tracked_adapt: Who tracks a robot, or learns, adapts as the model's settings say (`tracking`), whatever
+            ``adapt`` is.
         crop: ``auto``: bars at the edges of queries are cropped or masked (`lava_vpr.framing`); or ``none``.
+        learn: Whether gains of inputs follow from sure answers.
+        season: What was learned before; None: nothing.
     """
 
     views: int = 1
     adapt: float | None = None
     tracked_adapt: bool = False
     crop: str = NO_CROP
+    learn: bool = False
+    season: Season | None = None
 
     @classmethod
     def wanted(cls, views: int = 1, adapt: float | str | None = MODELS, crop: str = NO_CROP) -> Asking:
@@ -52,29 +61,56 @@ class Asking:
         return cls(views, None if isinstance(adapt, str) else adapt, tracked_adapt=adapt == MODELS, crop=crop)
 
     def tracking(self, model: Model, motion: str) -> Asking:
-        """How queries are asked of ``model`` while a robot moves by ``motion``; without a motion each stands alone."""
-        network = model.config.network
-        if not self.tracked_adapt or motion == NONE or not isinstance(network, LifNetwork) or not network.signed:
+        """How queries are asked of ``model`` while a robot moves by ``motion``; without a motion each stands alone,
+        but where they teach."""
+        network, alone = model.config.network, motion == NONE and not self.learn
+        if not self.tracked_adapt or alone or not isinstance(network, LifNetwork) or not network.signed:
             return self
-        return replace(self, adapt=network.adapt or None)
+        return replace(self, adapt=network.adapt or (LifNetwork.adapt if self.learn else None))
+
+    @property
+    def gained(self) -> bool:
+        """Whether inputs have gains, or may get some."""
+        return self.learn or self.season is not None
 
     def check(self, model: Model) -> None:
         """Refuse what ``model`` cannot be asked.
 
         Raises:
             ConfigError: an even number of views, or several of vectors; a time constant below 1; adaptation of a
-                network without biases; to crop what has no edges.
+                network without biases; learning without adaptation; a season of other inputs; to crop what has no
+                edges.
         """
         _ = self.of(model)
         check_crop(self.crop, model.config.encoder)
         if self.views > 1 and INPUTS[model.config.encoder.kind].sees == "vector":
             raise ConfigError(f"--query-views is {self.views}, but the model learned vectors, which have one view")
-        if self.adapt is None:
+        wanted = {"--learn": self.learn, "--season": self.season is not None, "--adapt": self.adapt is not None}
+        option = next((name for name, given in wanted.items() if given), None)
+        if option is None:
             return
-        if not self.adapt >= 1:
+        integer = integer_model(model, option)
+        if self.season is not None:
+            check_season(self.season, integer)
+        if self.learn and self.adapt is None and not self.tracked_adapt:
+            raise ConfigError(
+                "--learn needs adaptation, as it learns from what queries before did not show; give --adapt N"
+            )
+        if self.adapt is not None and not self.adapt >= 1:
             raise ConfigError(f"--adapt is {self.adapt:g}, but must be at least 1 query; give a longer time constant")
-        if not integer_model(model, "--adapt").network.signed:
-            raise ConfigError("--adapt needs neurons with biases, which signed weights have; train with network.signed")
+        if not integer.network.signed:
+            raise ConfigError(
+                f"{option} needs neurons with biases, which signed weights have; train with network.signed"
+            )
+
+    def check_together(self, together: Together) -> None:
+        """Refuse answers that are to teach, but have no probabilities.
+
+        Raises:
+            ConfigError: matched like this, they have none.
+        """
+        if self.learn and together.unknown is not None:
+            raise ConfigError(f"--learn needs probabilities, but {together.unknown}")
 
     def of(self, model: Model) -> tuple[View, ...]:
         """The views in which queries of ``model`` are presented, the straight one first, spaced as its references'."""
@@ -96,13 +132,29 @@ class Asker:
         model: A trained model.
         asking: How queries are asked, checked.
         seed: The seed of the queries' noise; None: the model's.
+    Attributes:
+        asking: How they are asked.
+        learner: Knows the season; None: all inputs count alike.
     """
 
     def __init__(self, model: Model, asking: Asking = PLAINLY, seed: int | None = None) -> None:
-        self._model, self._seed = model, seed
-        self._adaptation = None
-        if asking.adapt is not None:
+        self._model, self._seed, self.asking = model, seed, asking
+        self._adaptation, self.learner = None, None
+        if asking.gained:
+            self.learner = Learner(integer_model(model, "--learn"), asking.season, asking.adapt)
+        elif asking.adapt is not None:
             self._adaptation = Adaptation(integer_model(model, "--adapt").network, asking.adapt)
+
+    def in_turn(self, batches: Iterable[Sequence[EncodedTraverse]]) -> Iterator[tuple[EncodedTraverse, Presentations]]:
+        """Batch after batch of queries and their `presentations`; where they teach, as many at a time as cannot change
+        the gains before the last of them is answered."""
+        for views in batches:
+            start, end = 0, len(views[0])
+            while start < end:
+                most = self.learner.season.left if self.learner is not None and self.asking.learn else end
+                some = [view.take(slice(start, start + most)) for view in views]
+                yield some[0], self.presentations(some)
+                start += most
 
     def presentations(self, views: Sequence[EncodedTraverse]) -> Presentations:
         """Presentations of the next queries, given in each of their views: view after view.
@@ -111,10 +163,18 @@ class Asker:
             InputError: the queries were encoded with other settings.
         """
         shown = [query_presentations(self._model, queries, self._seed) for queries in views]
-        if self._adaptation is not None:
+        if self.learner is not None:
+            shown = self.learner.weighed(shown, views)
+        elif self._adaptation is not None:
             bias = self._adaptation.biases(shown[0].rates)
             shown = [replace(part, bias=bias) for part in shown]
         return Presentations.joined(shown)
+
+    def learn(self, answers: Answers) -> NDArray[np.bool_]:
+        """Let the answers to the queries of the last `presentations` teach, if they shall; which did, bool (n,)."""
+        if self.learner is None or not self.asking.learn:
+            return np.zeros(len(answers.matches), np.bool_)
+        return self.learner.learn(answers)
 
 
 def summed(counts: NDArray[np.int32], views: int) -> NDArray[np.int32]:

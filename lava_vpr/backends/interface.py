@@ -58,28 +58,41 @@ class Presentations:
         role: What the noise is for, one of `lava_vpr.engine.random.ROLES`.
         bias: Biases of the neurons in each presentation, int32 (n, neurons), where the network adapts
             (`lava_vpr.engine.adaptation`); None: the network's own.
+        plain: Where ``rates`` are under gains (`lava_vpr.engine.gains`): those without, of which the noise follows;
+            None: they are without.
     """
 
     rates: NDArray[Any]
     seed: int
     role: str = "query"
     bias: NDArray[np.int32] | None = None
+    plain: NDArray[np.uint16] | None = None
+
+    @property
+    def _given(self) -> list[str]:
+        """The names of what has a row a presentation."""
+        return [name for name in ("rates", "bias", "plain") if getattr(self, name) is not None]
+
+    @property
+    def seen(self) -> NDArray[Any]:
+        """Rates without gains, (n, inputs)."""
+        return self.rates if self.plain is None else self.plain
 
     @cached_property
     def keys(self) -> NDArray[np.uint64]:
         """The key of each presentation's random numbers, uint64 (n,)."""
-        return presentation_keys(self.seed, self.role, image_keys(self.rates))
+        return presentation_keys(self.seed, self.role, image_keys(self.seen))
 
     def part(self, chosen: slice | NDArray[np.int64]) -> Presentations:
         """Some of the presentations."""
-        return replace(self, rates=self.rates[chosen], bias=None if self.bias is None else self.bias[chosen])
+        some = {name: getattr(self, name)[chosen] for name in self._given}
+        return replace(self, **some)
 
     @classmethod
     def joined(cls, parts: Sequence[Presentations]) -> Presentations:
         """The presentations of all ``parts``, at least one, in their order; seed and role are those of the first."""
-        biases = [part.bias for part in parts if part.bias is not None]
-        bias = np.concatenate(biases) if biases else None
-        return replace(parts[0], rates=np.concatenate([part.rates for part in parts]), bias=bias)
+        joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in parts[0]._given}
+        return replace(parts[0], **joined)
 
 
 def query_presentations(model: Model, queries: EncodedTraverse, seed: int | None = None) -> Presentations:

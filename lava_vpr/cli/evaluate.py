@@ -19,6 +19,7 @@ from lava_vpr.backends.rivals import BASELINES, chosen as rivals_of, kept_for, m
 from lava_vpr.cli.choose import TruthOptions, truth_options
 from lava_vpr.cli.common import PATH, backend_progress, encode_queries, motion_option, noun, off_map_option, stderr
 from lava_vpr.cli.nouns import (
+    Learning,
     OneSource,
     Queries,
     WrittenFiles,
@@ -27,6 +28,7 @@ from lava_vpr.cli.nouns import (
     benchmark_options,
     queries_options,
     results_options,
+    season_option,
 )
 from lava_vpr.cli.outputs import command_line
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
@@ -63,6 +65,7 @@ from lava_vpr.truth.alignment import PositionErrors
     help="Descriptors of another method, one row an image.",
 )
 @asking_options
+@season_option
 @answer_options
 @motion_option("any")
 @off_map_option
@@ -76,6 +79,7 @@ def evaluate(
     benchmark: Benchmark,
     truth: TruthOptions,
     compared: Comparison,
+    learning: Learning,
     backend: str,
     seed: int | None,
     address: str | None,
@@ -90,8 +94,9 @@ def evaluate(
     if address is not None and backend != "host":
         raise click.UsageError(f"--cluster runs the backend host, not {backend}; leave one of the two out")
     route = benchmark.recognised(asked.query, asked.every, places=asked.places)
-    read = (*truth.files, *(compared.descriptors or ()))
+    read = (*truth.files, *(compared.descriptors or ()), learning.season)
     outputs, page = results.outputs("report.html", read=read, model=asked.model_path, images=route.sources)
+    compared = replace(compared, asking=learning.of(compared.asking))
     model = asked.model(compared.asking)
     backends.require(backend, model)
     truth = truth.for_route(route)

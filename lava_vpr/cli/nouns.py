@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import click
 
 from lava_vpr.backends.asking import MODELS, OFF, Asking, open_model
 from lava_vpr.backends.registry import BACKENDS
+from lava_vpr.backends.season import load as load_season
 from lava_vpr.cli.common import PATH, F, Number, Parsed, RegisteredName, noun, seed_type, several
 from lava_vpr.cli.outputs import Outputs, show_results
 from lava_vpr.datasets.layouts import DATASETS
@@ -234,6 +235,42 @@ asking_options = noun(
     crop_option,
 )
 """``--adapt``, ``--query-views`` and ``--crop``, given to the command as ``asking``."""
+
+
+@dataclass(frozen=True)
+class Learning:
+    """What is learned of the season, and was.
+
+    Attributes:
+        learn: Whether sure answers teach.
+        season: File of what was learned before; None: nothing.
+    """
+
+    learn: bool
+    season: Path | None
+
+    def of(self, asking: Asking) -> Asking:
+        """``asking`` under what was learned, and learning.
+
+        Raises:
+            ModelFileError: the file cannot be used.
+        """
+        return replace(asking, learn=self.learn, season=None if self.season is None else load_season(self.season))
+
+
+def learning_options(file: str) -> Callable[[Any], Any]:
+    """Give a command the options ``--learn`` and ``--season``, as ``learning``; ``file`` says what the file is."""
+    taught = "Let sure answers teach which inputs survive the season; adapts by default."
+    return noun(
+        "learning",
+        Learning,
+        click.option("--learn", is_flag=True, help=taught),
+        click.option("--season", type=PATH, default=None, metavar="FILE", help=file),
+    )
+
+
+season_option = learning_options("File of what was learned of the season before; it stays as it is.")
+"""``--learn`` and ``--season`` of a command that reads what was learned."""
 
 jobs_option = click.option(
     "--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors)."

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
+from lava_vpr.backends.answering import Answered, answer_stream
 from lava_vpr.backends.asking import Asking, calibration_of, open_model
 from lava_vpr.backends.interface import Advance
 from lava_vpr.cli.common import (
@@ -28,6 +29,7 @@ from lava_vpr.cli.common import (
     stderr,
 )
 from lava_vpr.cli.nouns import (
+    Learning,
     OneSource,
     WhereOptions,
     answer_options,
@@ -35,6 +37,7 @@ from lava_vpr.cli.nouns import (
     every_option,
     places_option,
     query_positions_options,
+    season_option,
 )
 from lava_vpr.cli.show.matches import MatchTable, Notes, Row, sentences
 from lava_vpr.cli.show.streams import Asked, Writing, writing_options
@@ -47,7 +50,6 @@ from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.probability import Calibration
 from lava_vpr.matching.sequences import Pace
 from lava_vpr.model import Model
-from lava_vpr.recognition import Answered, answer_stream
 from lava_vpr.traverse import Traverse, open_traverse
 
 SHOWN: dict[str, Callable[[MatchTable, Row, float], str]] = {
@@ -92,6 +94,7 @@ class Accepting:
 @places_option("Images A..B-1 only (default: all).")
 @every_option
 @asking_options
+@season_option
 @answer_options
 @motion_option("none")
 @click.option(
@@ -122,6 +125,7 @@ def query(
     places: tuple[int, int] | None,
     every: float,
     asking: Asking,
+    learning: Learning,
     backend: str,
     motion: str,
     sequence: int,
@@ -135,8 +139,8 @@ def query(
     if it is not accepted. Where positions and times are known, columns follow with those of the matched place (x, y or
     lat, lon), the query's time and the metres of error. On standard output lines come as images are done.
     """
-    outputs = writing.outputs(motion, read=where.files, model=model_path, images=(images,))
-    model, asking = _asked(open_model(model_path), asking, motion, where, backend)
+    outputs = writing.outputs(motion, read=(*where.files, learning.season), model=model_path, images=(images,))
+    model, asking = _asked(open_model(model_path), learning.of(asking), motion, where, backend)
     whole = open_traverse(images, every=every, events=model.config.events)
     outputs.spare(whole.paths)
     traverse = where.of(whole.between(*places) if places else whole, len(whole))
@@ -146,6 +150,7 @@ def query(
         )
     table = MatchTable.of(model, traverse, writing.top, chances=motion != NONE)
     together = Together(sequence, motion, _calibration(model, asking), accepting.off_map)
+    asking.check_together(together)
     pace = Pace() if sequence > 1 else None
     answer = partial(answer_stream, model, traverse, backend=backend, together=together, asking=asking, seed=seed)
     with query_progress(traverse.source, backend, len(traverse), silent=writing.silent) as (read, advance):

@@ -22,8 +22,8 @@ from lava_vpr.cli.common import (
     seed_type,
     stderr,
 )
-from lava_vpr.cli.nouns import OneSource, asking_options, every_option
-from lava_vpr.cli.outputs import write_stdout
+from lava_vpr.cli.nouns import Learning, OneSource, asking_options, every_option, learning_options
+from lava_vpr.cli.outputs import Outputs, write_stdout
 from lava_vpr.cli.show.matches import Notes
 from lava_vpr.errors import InputError, brief
 from lava_vpr.localizer import Localizer
@@ -44,6 +44,7 @@ def port_number(text: str) -> int:
 @click.argument("source", type=str)
 @motion_option("any")
 @asking_options
+@learning_options("File of what is known of the season; with --learn it need not be there, and is written at the end.")
 @precision_option
 @off_map_option
 @every_option
@@ -71,6 +72,7 @@ def watch(
     source: str,
     motion: str,
     asking: Asking,
+    learning: Learning,
     target_precision: float | None,
     off_map: float,
     every: float,
@@ -90,9 +92,12 @@ def watch(
     given up. What cannot be read is told on stderr, with a count, and left out. Ctrl-C ends it; so does the end of
     SOURCE, unless there is a page to be looked at.
     """
-    adapt = MODELS if asking.tracked_adapt else asking.adapt
+    adapt, known = MODELS if asking.tracked_adapt else asking.adapt, learning.season
+    if known is not None and learning.learn:
+        Outputs((known,), model=model_path, images=(source,))
+        known = known if known.exists() else None
     how: dict[str, Any] = {"target_precision": target_precision, "off_map": off_map, "seed": seed, "crop": asking.crop}
-    localizer = Localizer(model_path, motion, adapt, asking.views, **how)
+    localizer = Localizer(model_path, motion, adapt, asking.views, **how, learn=learning.learn, season=known)
     recent, notes, events = Recent(localizer.model), Notes(), localizer.model.config.events
     found = open_source(source, every=every, topic=topic, events=events, live=True, existing=existing)
 
@@ -100,7 +105,7 @@ def watch(
         recent.refuse()
         stderr.print(f"warning: image {index} is left out ({recent.said['refused']} so far): {why}")
 
-    with _served(localizer, source, recent, port):
+    with _kept(localizer, learning), _served(localizer, source, recent, port):
         for watched in islice(watch_images(localizer, found.frames(), refused), stop_after):
             write_stdout(json_line(watched.values()))
             recent.add(watched)
@@ -119,6 +124,16 @@ def _sum_up(recent: Recent, *, stays: bool) -> None:
         stderr.print("note: the source has ended; the page stays until Ctrl-C")
     while stays:
         signal.pause()
+
+
+@contextmanager
+def _kept(localizer: Localizer, learning: Learning) -> Iterator[None]:
+    """Write what was learned at the end, however that comes, if there is a file for it."""
+    try:
+        yield
+    finally:
+        if learning.learn and learning.season is not None:
+            localizer.save_season(learning.season)
 
 
 @contextmanager

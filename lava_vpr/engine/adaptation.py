@@ -83,6 +83,11 @@ class Motion:
         return counted
 
 
+def unseen(inputs: int) -> NDArray[np.float64]:
+    """`Adaptation.mean` before any query, float64 (inputs + 1,)."""
+    return np.append(np.zeros(inputs), 1.0)
+
+
 class Adaptation:
     """Biases of a network, query after query of one traverse.
 
@@ -91,20 +96,36 @@ class Adaptation:
     Args:
         network: The network, signed.
         tau: Time constant in queries, at least 1.
+        start: `mean` where an earlier traverse ended; None: those of the references.
     """
 
-    def __init__(self, network: FixedNetwork, tau: float) -> None:
+    def __init__(self, network: FixedNetwork, tau: float, start: NDArray[np.float64] | None = None) -> None:
         self._network, self._motion = network, Motion()
-        self._mean = RunningMean(np.append(np.zeros(network.inputs), 1.0), tau)
+        self._mean = RunningMean(unseen(network.inputs) if start is None else start, tau)
+
+    @property
+    def mean(self) -> NDArray[np.float64]:
+        """Mean rates before the next query, and the share of the start in them, float64 (inputs + 1,)."""
+        return self._mean.now.copy()
 
     def biases(self, rates: NDArray[np.uint16]) -> NDArray[np.int32]:
         """Biases of the next queries in units of v, int32 (n, neurons), of their rates uint16 (n, inputs)."""
+        return self.taking_off(self.means(rates)[0])
+
+    def means(self, rates: NDArray[np.uint16]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Mean rates before each of the next queries, with the share of the start, float64 (n, inputs + 1); which of
+        the queries count, bool (n,)."""
         values = np.pad(rates, ((0, 0), (0, 1))).astype(np.float64)  # the start is never seen again
-        means = np.empty_like(values)
-        for row, value, moving in zip(means, values, self._motion.moving(rates), strict=True):
-            row[:] = self._mean.now
-            if moving and self._news(value):
+        means, counted = np.empty_like(values), self._motion.moving(rates)
+        for i, value in enumerate(values):
+            means[i] = self._mean.now
+            counted[i] &= self._news(value)
+            if counted[i]:
                 self._mean.add(value)
+        return means, counted
+
+    def taking_off(self, means: NDArray[np.float64]) -> NDArray[np.int32]:
+        """Biases int32 (n, neurons) that take what ``means`` drive off."""
         shown, start = np.rint(means[:, :-1]).astype(np.uint16), means[:, -1:]
         drives = self._network.drives(shown) / RATE_UNIT - start * (self._network.bias / (1 << INPUT_SHIFT))
         return biases_of(drives, self._network.safe_bias)

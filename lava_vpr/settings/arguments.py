@@ -80,6 +80,7 @@ _ARGUMENTS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "standard": (is_path, "a Model, or the path of a file"),
     "resume": _YES_OR_NO,
     "allow_duplicates": _YES_OR_NO,
+    "learn": _YES_OR_NO,
 }
 
 

@@ -33,7 +33,7 @@ _LEVEL = 3
 
 
 def pack(kind: str, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """A container of ``kind`` (``model``, ``checkpoint`` or ``references``).
+    """A container of ``kind`` (``model``, ``season``, ``checkpoint`` or ``references``).
 
     Raises:
         ModelFileError: it unpacks to more than the limits allow, so that `unpack` would refuse it.
@@ -119,6 +119,7 @@ def unpack(data: bytes, path: Path, kind: str) -> tuple[dict[str, Any], dict[str
 REMEDIES = {
     "model": "train it again or fetch an intact copy",
     "references": "deploy the model again",
+    "season": "learn it again (lava-vpr watch --learn --season FILE)",
     "checkpoint": "delete it and train from the start, without --resume",
 }
 """What to do about a file of each kind that cannot be used."""

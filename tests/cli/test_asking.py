@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from support.common.commands import PLACES, fails, figures, matches, run
 
-from lava_vpr import model as model_file, recognition
+from lava_vpr import model as model_file
+from lava_vpr.backends import answering
 from lava_vpr.backends.asking import Asker, Asking, adapted_scores
 from lava_vpr.backends.interface import HostBackend
 from lava_vpr.encoding import encode_traverse, encode_views
@@ -47,7 +48,7 @@ def literal(model: Model, asking: Asking, source: str = "query") -> list[tuple[s
 
 @pytest.mark.parametrize("asking", [Asking(views=3), Asking(adapt=4.0), Asking(views=3, adapt=4.0)])
 def test_queries_are_answered_as_they_are_asked(here: Path, monkeypatch: pytest.MonkeyPatch, asking: Asking) -> None:
-    monkeypatch.setattr(recognition, "BATCH", 3)
+    monkeypatch.setattr(answering, "BATCH", 3)
     words = ["--query-views", asking.views] + (["--adapt", asking.adapt] if asking.adapt else [])
     model = model_file.load(Path("m.lvpr"))
     told = answered("query", *words)

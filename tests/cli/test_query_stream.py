@@ -16,7 +16,9 @@ import numpy as np
 import pytest
 from support.common.commands import fails, images, listed, matches, run
 
-from lava_vpr import model as model_file, recognition
+from lava_vpr import model as model_file
+from lava_vpr.backends import answering
+from lava_vpr.backends.answering import answer_stream
 from lava_vpr.backends.asking import calibration_of
 from lava_vpr.backends.interface import HostBackend
 from lava_vpr.backends.registry import BACKENDS
@@ -27,7 +29,7 @@ from lava_vpr.matching.answers import answers_of
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.sequences import sequence_scores
 from lava_vpr.model import Model, decode
-from lava_vpr.recognition import answer_stream, count_query_spikes
+from lava_vpr.recognition import count_query_spikes
 from lava_vpr.traverse import open_traverse
 
 QUERIES = 21
@@ -35,9 +37,9 @@ QUERIES = 21
 
 def shown_together(monkeypatch: pytest.MonkeyPatch, together: int, batch: int = 4) -> None:
     """So many images are encoded as a ``batch``, and ``together`` shown to the network in one call."""
-    monkeypatch.setattr(recognition, "BATCH", batch)
+    monkeypatch.setattr(answering, "BATCH", batch)
     row = dataclasses.replace(BACKENDS["host"], together=together)
-    monkeypatch.setattr(recognition, "BACKENDS", {**BACKENDS, "host": row})
+    monkeypatch.setattr(answering, "BACKENDS", {**BACKENDS, "host": row})
 
 
 @pytest.fixture
@@ -132,7 +134,7 @@ def test_a_backend_that_is_slow_to_start_is_shown_many_at_once(
             return super().count_spikes(model, shown)
 
     shown_together(monkeypatch, together)
-    monkeypatch.setattr(recognition.backends, "get", lambda name, threads, advance: Counting())
+    monkeypatch.setattr(answering.backends, "get", lambda name, threads, advance: Counting())
     assert sum(len(some.images) for some in answer_stream(model_file.load("m.lvpr"), open_traverse(many))) == QUERIES
     wanted = {1: [4] * 5 + [1], 4: [4] * 5 + [1], 8: [8, 8, 5], 9: [8, 8, 5], 8192: [QUERIES]}
     assert calls == wanted[together]

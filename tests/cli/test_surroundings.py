@@ -251,7 +251,7 @@ def imported(made: Path, tmp_path_factory: pytest.TempPathFactory) -> set[str]:
 
 
 def test_a_query_imports_what_it_needs(imported: set[str]) -> None:
-    assert {"numba", "cv2", "click", "lava_vpr.recognition"} <= imported
+    assert {"numba", "cv2", "click", "lava_vpr.backends.answering"} <= imported
 
 
 @pytest.mark.parametrize("name", NOT_FOR_A_QUERY)

@@ -15,7 +15,8 @@ from click.testing import CliRunner
 from support.common.bags import rosbag2, typesys
 from support.common.commands import content, fails, run
 
-from lava_vpr import Localizer, load, recognition
+from lava_vpr import Localizer, load
+from lava_vpr.backends import answering
 from lava_vpr.cli import main
 from lava_vpr.exchange.ros import BY_HAND, RoutePoses
 from lava_vpr.images.imagefiles import read_image
@@ -129,7 +130,7 @@ def test_equal_answers_are_equal_bytes(drive: None, monkeypatch: pytest.MonkeyPa
     """However many images are encoded at a time."""
     run(*ALL, "--bag", "out")
     Path("out").rename("first")
-    monkeypatch.setattr(recognition, "BATCH", 3)
+    monkeypatch.setattr(answering, "BATCH", 3)
     run(*ALL, "--bag", "out")
     assert sorted(path.name for path in Path("out").iterdir()) == ["metadata.yaml", "out.mcap"]
     for path in Path("out").iterdir():

@@ -7,7 +7,7 @@ import numpy as np
 from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.matching.evaluation import TITLES, values_of
 from lava_vpr.model import Model
-from lava_vpr.recognition import Recognition
+from lava_vpr.recognition import SINGLE, Recognition
 from lava_vpr.show.numbers import percent
 from lava_vpr.show.table import Table
 
@@ -20,15 +20,22 @@ def recall_table(model: Model, result: Recognition, sequence: int = 1) -> Table:
     notes += [f"{name} sees {BASELINES[name]}" for name in result.metrics if name in BASELINES]
     if result.followed:
         notes.append("filtered: queries in driving order, each with those before it; forward-backward: with all")
+    notes += [_taught(name, *counted) for name, counted in result.taught.items() if counted[0]]
     names = [result.default, *(name for name in result.metrics if name != result.default)]
     groups = (
         {name + (" *" if name == result.default else ""): result.metrics[name] for name in names},
-        {f"{name}, adapted": metrics for name, metrics in result.adapted.items()},
+        {f"{name}, adapted": metrics for name, metrics in result.adapted.items()}
+        | {f"{name}, gains": metrics for name, metrics in result.learned.items()},
         {name.replace("_", "-"): metrics for name, metrics in result.followed.items()},
     )
     rows = [(name, *map(percent, values_of(metrics))) for group in groups for name, metrics in group.items()]
     rules = frozenset({len(groups[0]), len(groups[0]) + len(groups[1])})
     return Table(("matcher", *TITLES.values()), rows, notes, title, rules=rules)
+
+
+def _taught(name: str, answers: int, wrong: int) -> str:
+    """How many answers taught."""
+    return f"{'gains' if name == SINGLE else name}: {answers} answers taught, {wrong} of them wrong"
 
 
 def trust_tables(result: Recognition) -> list[Table]:

@@ -13,6 +13,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.backends.answering import Answered
 from lava_vpr.cli import common
 from lava_vpr.cli.common import PATH, console, noun, stage
 from lava_vpr.cli.outputs import Outputs, command_line, file_writer, text_writer, write_stdout
@@ -23,7 +24,6 @@ from lava_vpr.matches import Match
 from lava_vpr.matching.answers import UNRANKED, Answers, Together
 from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.model import Model
-from lava_vpr.recognition import Answered
 from lava_vpr.show.numbers import counted
 from lava_vpr.show.page import write_page
 from lava_vpr.storage.arrays import npy_begin

@@ -83,7 +83,7 @@ def killed_in_the_middle(
     assert run("eval", "here.lvpr", winter, "--json", "here.json").exit_code == 0
     with monkeypatch.context() as patched:
         kill_at(patched, "blocks", cluster.workers[0].kill)
-        asked = run("eval", "there.lvpr", winter, "--json", "there.json", *to)
+        asked = run("eval", "here.lvpr", winter, "--json", "there.json", *to)
     assert asked.exit_code == 0, asked.output
     assert cluster.workers[0].poll() is not None
     here, there = (json.loads(Path(f"{name}.json").read_text()) for name in ("here", "there"))

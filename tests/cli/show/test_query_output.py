@@ -15,7 +15,8 @@ import pytest
 from click.testing import CliRunner
 from support.common.commands import fails, images, run
 
-from lava_vpr import model as model_file, recognition, traverse
+from lava_vpr import model as model_file, traverse
+from lava_vpr.backends import answering
 from lava_vpr.cli import main
 from lava_vpr.cli.show import streams
 from lava_vpr.encoding import encode_traverse
@@ -91,7 +92,7 @@ def test_candidates_are_the_places_by_their_scores(here: Path) -> None:
 
 @pytest.mark.parametrize("words", [(), FILTERED, ("--sequence", 3)])
 def test_all_scores_come_as_a_matrix(words: tuple[object, ...], here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recognition, "BATCH", 3)
+    monkeypatch.setattr(answering, "BATCH", 3)
     alone = wanted = scores_of("query")
     words = (*words, "--adapt", "off")
     if "--sequence" in words:  # normalised, of the last image and place of each; before are none

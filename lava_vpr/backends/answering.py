@@ -1,0 +1,162 @@
+"""Queries answered in turn, some at a time: matched with those before them, and teaching where they shall."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import islice
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.backends import registry as backends
+from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
+from lava_vpr.backends.interface import Advance, Backend, Presentations
+from lava_vpr.backends.registry import BACKENDS
+from lava_vpr.encoding import EncodedTraverse, Keep, encoded_batches
+from lava_vpr.engine.adaptation import Motion
+from lava_vpr.inputs.doubts import Doubts, Sign, signs_of
+from lava_vpr.matching import sequences
+from lava_vpr.matching.answers import ALONE, Answerer, Answers, Together
+from lava_vpr.matching.forward_filter import NONE
+from lava_vpr.model import Model, prepare
+from lava_vpr.traverse import Traverse
+
+BATCH = 256
+"""Queries of a stream that are encoded together, and decoded together: enough for the threads of a large machine."""
+
+
+class Turn(NamedTuple):
+    """Some queries that were answered together: spike counts int32 (n, neurons), scores (n, places), answers, which of
+    these taught, bool (n,), and the queries, straight ahead."""
+
+    counts: NDArray[np.int32]
+    scores: NDArray[np.float64]
+    answers: Answers
+    taught: NDArray[np.bool_]
+    seen: EncodedTraverse
+
+
+def in_turn(
+    model: Model,
+    asker: Asker,
+    batches: Iterable[Sequence[EncodedTraverse]],
+    backend: Backend,
+    together: Together,
+    calls: int = 1,
+    stamps: Callable[[range], NDArray[np.float64] | None] = lambda rows: None,
+) -> Iterator[Turn]:
+    """Answer batch after batch of queries, and let the answers teach.
+
+    Args:
+        model: A trained model.
+        asker: Presents the queries.
+        batches: The queries in each of their views.
+        backend: Counts the spikes.
+        together: How queries are matched with those before them.
+        calls: Batches whose spikes are counted together.
+        stamps: When queries with these numbers were taken, in seconds, float64 (n,); None: unknown.
+    Raises:
+        ConfigError: answers cannot teach, as they have no probabilities.
+    """
+    asker.asking.check_together(together)
+    state, motion = Answerer.of(model.config.decoder.default, model.places, together), Motion()
+    scores_of, first, shown = prepare(model), 0, asker.in_turn(batches)
+    while group := list(islice(shown, calls)):
+        counts, _ = backend.count_spikes(model, Presentations.joined([asked for _, asked in group]))
+        ends = np.cumsum([len(asked.rates) for _, asked in group])
+        for of_batch, (seen, asked) in zip(np.split(counts, ends[:-1]), group, strict=True):
+            some = summed(of_batch, asker.asking.views)
+            moving = None if together.motion == NONE else motion.moving(asked.seen[: len(some)])
+            scores = scores_of(some)
+            state, answers = state.step(scores, moving, stamps=stamps(range(first, first + len(some))))
+            yield Turn(some, scores, answers, asker.learn(answers), seen)
+            first += len(some)
+
+
+def teachers(turns: Sequence[Turn], truth: NDArray[np.bool_]) -> tuple[int, int]:
+    """How many answers taught, and how many of these were wrong by ``truth``, bool (n, places)."""
+    taught = np.concatenate([turn.taught for turn in turns])
+    places = np.concatenate([turn.answers.matches for turn in turns])[taught]
+    return len(places), int((~truth[np.flatnonzero(taught), places]).sum())
+
+
+class Answered(NamedTuple):
+    """Some queries of a stream, in order, and their answers.
+
+    Attributes:
+        images: The queries.
+        answers: What the model says of each.
+        counts: Their spike counts, int32 (n, neurons).
+        thumbnails: The queries as pages show them, uint8 (n, 48, 64, 3) BGR; None unless they were to be kept.
+        signs: What speaks against each of them.
+    """
+
+    images: Traverse
+    answers: Answers
+    counts: NDArray[np.int32]
+    signs: list[Sign]
+    thumbnails: NDArray[np.uint8] | None = None
+
+
+def answer_stream(
+    model: Model,
+    traverse: Traverse,
+    *,
+    backend: str = "host",
+    together: Together = ALONE,
+    asking: Asking = PLAINLY,
+    seed: int | None = None,
+    threads: int = 1,
+    pace: sequences.Pace | None = None,
+    at_once: bool = False,
+    read: Advance | None = None,
+    advance: Advance | None = None,
+    keep: Keep = Keep.NOTHING,
+) -> Iterator[Answered]:
+    """Answer the images of a traverse, some at a time: however many they are, few are in memory.
+
+    Every answer is the one that it has among all queries at once, bit for bit, and alone, unless the network adapts or
+    queries are matched together.
+
+    Args:
+        model: A trained model.
+        traverse: The images.
+        backend: Name in `lava_vpr.backends.registry.BACKENDS`.
+        together: How queries are matched with those before them.
+        asking: How they are asked.
+        seed: The seed of the queries' noise; None: the model's.
+        threads: Threads that read images, and those of the backend; they do not change the result.
+        pace: Told the scores of the queries.
+        at_once: The first image is answered before the second is read, then ever more together; unless the backend is
+            slow to start.
+        read: Told how many more images are read.
+        advance: Told how many more queries a slow backend has run.
+        keep: `Keep.THUMBNAILS`, if they are wanted.
+    Raises:
+        LavaVprError: an image cannot be read, the sequence exceeds the places, or the backend cannot run.
+    """
+    chosen, calls = backends.get(backend, threads, advance), max(1, BACKENDS[backend].together // BATCH)
+    asking.check(model)
+    asker = Asker(model, asking, seed)
+    batches = encoded_batches(
+        traverse,
+        model.config.encoder,
+        asking.of(model),
+        BATCH,
+        read,
+        1 if at_once and calls == 1 else None,
+        model.standard,
+        threads,
+        keep,
+        asking.framing(model),
+    )
+    first, doubts, stamps = 0, Doubts(), lambda rows: traverse.take(rows).stamps
+    for turn in in_turn(model, asker, batches, chosen, together, 1 if asking.learn else calls, stamps):
+        if pace is not None:
+            pace.update(turn.scores)
+        part = traverse.take(range(first, first + len(turn.counts)))
+        points = None if part.positions is None else part.positions.points()
+        signs = signs_of(doubts, turn.seen.activity, part.stamps, points)
+        yield Answered(part, turn.answers, turn.counts, signs, turn.seen.thumbnails)
+        first += len(part)

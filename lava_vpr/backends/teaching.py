@@ -1,0 +1,96 @@
+"""Answers that teach: queries presented under the gains of inputs, which follow from the answers before.
+
+The host computes gains and biases; whatever runs the network is shown rates and biases, and knows of nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.backends.interface import Presentations
+from lava_vpr.backends.season import unlearned
+from lava_vpr.encoding import EncodedTraverse, query_rates16
+from lava_vpr.engine.adaptation import Adaptation
+from lava_vpr.engine.gains import FULL, Reference, Season, biases_under, expected
+from lava_vpr.matching.answers import Answers
+from lava_vpr.model import IntegerModel
+
+ALONE, TRACKED = 0.7, 0.95
+"""Probability from which on an answer may teach: by its image alone, if it is no less sure than the median of those
+before; and by the filter of who tracks a robot."""
+_TOGETHER = 256
+"""References whose rates are made together."""
+
+
+class LastQueries(NamedTuple):
+    """Queries that were asked last, with what they can teach.
+
+    Attributes:
+        rates: Rates without gains, uint16 (n, inputs).
+        means: What they differ from, `Adaptation.means`.
+        counted: Whether each showed something new, bool (n,).
+    """
+
+    rates: NDArray[np.uint16]
+    means: NDArray[np.float64]
+    counted: NDArray[np.bool_]
+
+
+class Learner:
+    """Gains of the queries of one traverse, some queries after some, in order.
+
+    Args:
+        model: The model that answers.
+        season: What was learned before; None: nothing.
+        adapt: Time constant of adaptation in queries; None: biases follow no queries.
+    Attributes:
+        season: What is known of the season.
+    """
+
+    def __init__(self, model: IntegerModel, season: Season | None, adapt: float | None) -> None:
+        self._model, self._adapts = model, adapt is not None
+        self.season = unlearned(model) if season is None else season
+        start = self.season.mean if self._adapts else None
+        self._adaptation = Adaptation(model.network, math.inf if adapt is None else adapt, start)
+        self._reference = reference_of(model)
+        self._asked = LastQueries(np.zeros((0, 0), np.uint16), np.zeros((0, 1)), np.zeros(0, np.bool_))
+
+    def weighed(self, shown: Sequence[Presentations], views: Sequence[EncodedTraverse]) -> list[Presentations]:
+        """The next queries under the gains in force, in each of their views, of which ``shown`` is without gains."""
+        gains, encoder, rates = self.season.gains, self._model.config.encoder, shown[0].rates
+        means, counted = self._adaptation.means(rates)
+        self._asked = LastQueries(rates, means, counted)
+        if (gains == FULL).all():
+            bias = self._adaptation.taking_off(means)
+            return [replace(part, bias=bias) for part in shown]
+        bias = biases_under(self._model.network, means, self._reference, gains)
+        under = [query_rates16(queries.activity * gains.astype(np.float32), encoder) for queries in views]
+        return [
+            replace(part, rates=rates, bias=bias, plain=part.rates) for part, rates in zip(shown, under, strict=True)
+        ]
+
+    def learn(self, answers: Answers) -> NDArray[np.bool_]:
+        """Let the answers to the last queries teach; which of them did, bool (n,)."""
+        season, reference, asked, tracked = self.season, self._reference, self._asked, answers.off_map is not None
+        sure = (answers.matches >= 0) & (answers.probability >= (TRACKED if tracked else ALONE))
+        seen, taught = asked.rates - expected(asked.means, reference), np.zeros(len(sure), np.bool_)
+        for i, place in enumerate(answers.matches.tolist()):
+            season = season.after(float(answers.confidence[i]), bool(sure[i]))
+            taught[i] = sure[i] and asked.counted[i] and season.steady and (tracked or season.usual)
+            if taught[i]:
+                known = query_rates16(self._model.activity[place : place + 1], self._model.config.encoder)[0]
+                season = season.learned(known - reference.mean, seen[i], reference.variance)
+        self.season = replace(season, mean=self._adaptation.mean)
+        return taught
+
+
+def reference_of(model: IntegerModel) -> Reference:
+    """What inputs do over the references of ``model``: the first traverse, straight ahead."""
+    first, encoder = model.activity[: model.places], model.config.encoder
+    return Reference.of(query_rates16(first[k : k + _TOGETHER], encoder) for k in range(0, len(first), _TOGETHER))

@@ -1,0 +1,157 @@
+"""Gains: which inputs survive the season, learned from a robot's own sure answers.
+
+Places differ from visit to visit, and inputs differ in how far they do: what an input shows of a place where it was
+learned tells more or less of what it shows there now. One gain an input, shared by all places, follows how the two go
+together over accepted answers, without a label::
+
+    g_i = max(0, correlation of R_i with q_i)        R: rates of the matched reference less the mean of all references
+                                                     q: rates of the query less the running mean of those before
+    begun as if `PRIOR` images had agreed; in units of 1 / `FULL`
+
+An answer comes first and teaches afterwards. Gains are in force by epochs, so many accepted answers each: within one,
+queries do not depend on each other's answers. Sums are whole numbers, and forget by a shift.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.engine.adaptation import unseen
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.quantise import RATE_UNIT, biases_of
+
+FULL = 15
+"""The gain of an input that tells all: 4 bits."""
+PRIOR = 10
+"""Images at which every input is taken to have agreed before anything is learned."""
+EPOCH = 20
+"""Accepted answers after which gains are made anew."""
+FORGETTING = 9
+"""Sums lose 2^-9 of themselves with each accepted answer: a time constant of 512."""
+MARGINS = 255
+"""Answers whose confidence is remembered, of which one that teaches is at least the median."""
+RECENT, ENOUGH = 30, 10
+"""Of so many answers so many are sure, or none teaches."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """What inputs do over the references of a map, as queries.
+
+    Attributes:
+        mean: Mean rate of each input, int64 (inputs,), rounded.
+        variance: Mean square of what its rates differ from that, int64 (inputs,), at least 1.
+    """
+
+    mean: NDArray[np.int64]
+    variance: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, blocks: Iterable[NDArray[np.uint16]]) -> Reference:
+        """That of references with these rates (n, inputs), some at a time; at least one."""
+        images, total, squares = 0, np.int64(0), np.int64(0)
+        for rates in blocks:
+            wide = rates.astype(np.int64)
+            images, total, squares = images + len(wide), total + wide.sum(axis=0), squares + (wide * wide).sum(axis=0)
+        mean = np.asarray((2 * total + images) // (2 * images))
+        return cls(mean, np.maximum((squares - 2 * mean * total + images * mean * mean) // images, 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Season:
+    """What was learned of a season, and where the queries' mean stands; state goes in and out.
+
+    Attributes:
+        gains: Those in force, uint8 (inputs,), at most `FULL`.
+        sums: Sums of R^2, q^2 and R q over what was taught, int64 (3, inputs), forgetting.
+        mean: Running mean of the queries' rates, and of the share that the references' mean still has in it, float64
+            (inputs + 1,).
+        margins: Confidence of the last answers, oldest first, float64 (at most `MARGINS`,).
+        sure: Whether the last of them were sure, uint8 (at most `RECENT`,).
+        inputs_of: Which inputs these are: a hash of the settings that make them.
+        answered: Answers so far.
+        taught: Answers that taught.
+    """
+
+    gains: NDArray[np.uint8] = field(repr=False)
+    sums: NDArray[np.int64] = field(repr=False)
+    mean: NDArray[np.float64] = field(repr=False)
+    margins: NDArray[np.float64] = field(repr=False)
+    sure: NDArray[np.uint8] = field(repr=False)
+    inputs_of: str = ""
+    answered: int = 0
+    taught: int = 0
+
+    @classmethod
+    def start(cls, inputs: int, inputs_of: str = "") -> Season:
+        """Nothing learned of so many inputs."""
+        zeros = np.zeros((3, inputs), np.int64)
+        return cls(
+            np.full(inputs, FULL, np.uint8), zeros, unseen(inputs), np.zeros(0), np.zeros(0, np.uint8), inputs_of
+        )
+
+    @property
+    def left(self) -> int:
+        """How many more answers must teach until gains are made anew, at least 1."""
+        return EPOCH - self.taught % EPOCH
+
+    @property
+    def usual(self) -> bool:
+        """Whether the last answer's confidence was at least the median."""
+        return bool(self.margins[-1] >= np.sort(self.margins)[len(self.margins) // 2])
+
+    @property
+    def steady(self) -> bool:
+        """Whether enough of the last answers were sure; off the map, few are."""
+        return int(self.sure.sum()) >= ENOUGH
+
+    def after(self, confidence: float, sure: bool) -> Season:
+        """The state after an answer with this confidence, -inf where nothing matched."""
+        margins, last = (
+            np.append(self.margins, max(confidence, -1.0))[-MARGINS:],
+            np.append(self.sure, np.uint8(sure))[-RECENT:],
+        )
+        return replace(self, margins=margins, sure=last, answered=self.answered + 1)
+
+    def learned(self, matched: NDArray[np.int64], query: NDArray[np.int64], variance: NDArray[np.int64]) -> Season:
+        """The state after one more answer that teaches.
+
+        Args:
+            matched: Rates of the matched reference less the references' mean, int64 (inputs,).
+            query: Rates of the query less the queries' mean, int64 (inputs,).
+            variance: `Reference.variance`.
+        """
+        products = np.stack([matched * matched, query * query, matched * query])
+        season = replace(self, sums=self.sums - (self.sums >> FORGETTING) + products, taught=self.taught + 1)
+        return season if season.taught % EPOCH else replace(season, gains=gains_of(season.sums, variance))
+
+
+def gains_of(sums: NDArray[np.int64], variance: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Gains uint8 (inputs,) that follow from `Season.sums` and `Reference.variance`."""
+    own, query, both = (sums + PRIOR * variance).astype(np.float64)
+    return np.minimum(np.rint(FULL * np.maximum(both, 0.0) / np.sqrt(own * query)), FULL).astype(np.uint8)
+
+
+def weighed(rates: NDArray[np.uint16], gains: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """Mean rates (n, inputs) under ``gains``, each row with the sum that it had; none where all gains are 0."""
+    under = rates.astype(np.int64) * gains
+    total, kept = rates.sum(axis=1, dtype=np.int64), under.sum(axis=1)
+    share = np.divide(total, kept, out=np.zeros(len(rates)), where=kept > 0)
+    return np.minimum(np.rint(under * share[:, None]), 65535).astype(np.uint16)
+
+
+def expected(means: NDArray[np.float64], reference: Reference) -> NDArray[np.int64]:
+    """Rates int64 (n, inputs) that queries are expected to have by `Adaptation.means`, rounded."""
+    return np.rint(means[:, :-1] + means[:, -1:] * reference.mean).astype(np.int64)
+
+
+def biases_under(
+    network: FixedNetwork, means: NDArray[np.float64], reference: Reference, gains: NDArray[np.uint8]
+) -> NDArray[np.int32]:
+    """Biases int32 (n, neurons) that take off what ``means``, of `Adaptation.means`, drive under ``gains``."""
+    shown = expected(means, reference).astype(np.uint16)
+    return biases_of(network.drives(weighed(shown, gains)) / RATE_UNIT, network.safe_bias)
