@@ -1,0 +1,232 @@
+"""The season, learned: what gains that sure answers teach do to recall, what teaches, and what is carried elsewhere.
+
+    LAVA_VPR_DATA=... python -m benchmarks learning.season [--seeds 0,1,2] [--chosen] [--record]
+
+Causal: an answer comes first and teaches afterwards. Without gains and with them the same network adapts to the last
+30 queries and sees the same images, so answers come in pairs. ``--chosen`` prints the settings that were compared, on
+places 0:200 and Gardens Point 0:50 in both directions.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import NamedTuple
+from unittest.mock import patch
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.places import TEMPLATES, PlacesSection, places
+from benchmarks.program import BenchmarkTable, Printed, program, recall, seeds_option
+from benchmarks.results.rows import TAU
+from lava_vpr.backends import teaching
+from lava_vpr.backends.answering import Turn, in_turn, teachers
+from lava_vpr.backends.asking import Asker, Asking, calibration_of
+from lava_vpr.backends.interface import HostBackend
+from lava_vpr.cluster.tasks import Pool
+from lava_vpr.config import preset
+from lava_vpr.configfile import update
+from lava_vpr.engine import gains
+from lava_vpr.engine.gains import RECENT, Season
+from lava_vpr.engine.presentations import cores
+from lava_vpr.matching.answers import InBlocks, Together, hold
+from lava_vpr.matching.evaluation import Metrics
+from lava_vpr.matching.forward_filter import NONE
+from lava_vpr.model import Model
+from lava_vpr.recognition import Comparison, recognise
+from lava_vpr.training.loop import train
+
+ADAPTING = Asking(adapt=TAU)
+LEARNING = Asking(adapt=TAU, learn=True)
+RULES = {"STDP": preset("loihi"), "templates": update(preset("loihi"), {"learning": TEMPLATES})}
+
+
+class SeasonedMap(NamedTuple):
+    """A map, the season that it was learned in (0: summer, 1: winter), and how far an answer may be off."""
+
+    section: PlacesSection
+    season: int = 0
+    tolerance: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.section.first}:{self.section.end}"
+
+
+NEAR, FAR = SeasonedMap(PlacesSection("nordland_all", 0, 500)), SeasonedMap(PlacesSection("nordland_all", 500, 1500))
+UNSEEN = {
+    f"{section.end - section.first:,} places, {asked} asked": SeasonedMap(section, season)
+    for section in (NEAR.section, FAR.section, PlacesSection("nordland_all", 0, 1500))
+    for season, asked in enumerate(("winter", "summer"))
+} | {
+    f"Gardens Point 50:100, {asked} asked": SeasonedMap(PlacesSection("gardens", 50, 100), season, 2)
+    for season, asked in enumerate(("the other side", "the first side"))
+}
+CHOSEN = [
+    SeasonedMap(section, season, tolerance)
+    for section, tolerance in ((PlacesSection("nordland", 0, 200), 0), (PlacesSection("gardens", 0, 50), 2))
+    for season in (0, 1)
+]
+SETTINGS: Mapping[str, Sequence[float]] = {
+    "PRIOR": (5, 20, 40),
+    "EPOCH": (10, 40, 80),
+    "FORGETTING": (7, 11),
+    "ALONE": (0.3, 0.5, 0.9),
+}
+"""What each number of `lava_vpr.engine.gains` and `lava_vpr.backends.teaching` was compared with."""
+
+
+class Drive(NamedTuple):
+    """A traverse that was answered: its turns, and what was known of the season at its end."""
+
+    turns: list[Turn]
+    season: Season | None
+
+    @property
+    def scores(self) -> NDArray[np.float64]:
+        """Those of all queries, (n, places)."""
+        return np.concatenate([turn.scores for turn in self.turns])
+
+    @property
+    def least_and_most(self) -> tuple[float, float]:
+        """The least and the most of `RECENT` answers in a row that are as sure as a teacher is."""
+        answers = [turn.answers for turn in self.turns]
+        least = teaching.ALONE if answers[0].off_map is None else teaching.TRACKED
+        sure = np.concatenate([some.probability >= least for some in answers])
+        shares = np.convolve(sure, np.ones(RECENT) / RECENT, "valid")
+        return float(shares.min()), float(shares.max())
+
+
+@lru_cache(maxsize=4)
+def learned(way: SeasonedMap, rule: str, seed: int) -> Model:
+    """A model of a map."""
+    config = dataclasses.replace(RULES[rule], seed=seed)
+    return train(places(way.section, way.season, config), config, pool=Pool(cores()))
+
+
+def driven(model: Model, way: SeasonedMap, asking: Asking, motion: str = NONE) -> Drive:
+    """What ``model`` answers to the other season of ``way``."""
+    asker, queries = Asker(model, asking), places(way.section, 1 - way.season, model.config)
+    together = Together(1, motion, calibration_of(model, Pool(cores())))
+    turns = list(in_turn(model, asker, [queries], HostBackend(Pool(cores())), together))
+    return Drive(turns, None if asker.learner is None else asker.learner.season)
+
+
+def truth_of(way: SeasonedMap) -> NDArray[np.bool_]:
+    """Which answers are right, bool (n, places)."""
+    index = np.arange(way.section.end - way.section.first)
+    return np.abs(index[:, None] - index) <= way.tolerance
+
+
+def figures(scores: NDArray[np.float64], way: SeasonedMap) -> Metrics:
+    """Recall of scores (n, places)."""
+    return hold("contrast", InBlocks.made(scores), truth_of(way), Together()).metrics
+
+
+def right(drive: Drive, way: SeasonedMap) -> NDArray[np.bool_]:
+    """Which queries are answered right, bool (n,)."""
+    best = drive.scores.argmax(axis=1)
+    return np.asarray(truth_of(way)[np.arange(len(best)), best])
+
+
+def cosine(way: SeasonedMap) -> Metrics:
+    """The recall of cosine of the same inputs, adapted by the same time constant."""
+    model = learned(way, "templates", 0)
+    comparison = Comparison(rivals=("cosine",), keep_scores=False, asking=ADAPTING)
+    queries = places(way.section, 1 - way.season, model.config)[0]
+    return recognise(model, queries, truth_of(way), comparison, pool=Pool(cores())).adapted["cosine"]
+
+
+def compared(seeds: Sequence[int]) -> Printed:
+    """The same answers without gains and with them: recall, and what became right and wrong."""
+    recalled, paired = [], []
+    for name, way in UNSEEN.items():
+        figured, counted = [name], [name]
+        for rule in RULES:
+            drives = [[driven(learned(way, rule, seed), way, how) for how in (ADAPTING, LEARNING)] for seed in seeds]
+            figured += [recall([figures(pair[k].scores, way) for pair in drives]) for k in (0, 1)]
+            rights = [[right(drive, way) for drive in pair] for pair in drives]
+            won, lost = (sum(int((pair[k] & ~pair[1 - k]).sum()) for pair in rights) for k in (1, 0))
+            answers, wrong = np.sum([teachers(pair[1].turns, truth_of(way)) for pair in drives], axis=0).tolist()
+            counted += [f"{won} / {lost}", f"{answers} / {wrong}"]
+        recalled.append([*figured, recall([cosine(way)])])
+        paired.append(counted)
+    heads = [f"{rule}, {what}" for rule in RULES for what in ("adapted", "and gains")]
+    yield BenchmarkTable(["map", *heads, "`cosine`, adapted"], recalled, record="season")
+    heads = [f"{rule}: {what}" for rule in RULES for what in ("won / lost", "taught / wrong")]
+    yield BenchmarkTable(["map", *heads], paired, record="season-pairs")
+
+
+def carried(seeds: Sequence[int]) -> BenchmarkTable:
+    """What a drive teaches for other places, by answers of images alone; frozen, while the network adapts."""
+    rows = []
+    for here, there in ((NEAR, FAR), (FAR, NEAR)):
+        cells: list[list[Metrics]] = [[], [], []]
+        for seed in seeds:
+            taught = driven(learned(here, "STDP", seed), here, LEARNING).season
+            model, frozen = learned(there, "STDP", seed), dataclasses.replace(ADAPTING, season=taught)
+            for kept, how in zip(cells, (ADAPTING, frozen, LEARNING), strict=True):
+                kept.append(figures(driven(model, there, how).scores, there))
+        rows.append([str(here), str(there), *map(recall, cells)])
+    columns = ["learned on", "asked", "adapted", "and that season, frozen", "and its own, learned"]
+    return BenchmarkTable(columns, rows, record="season-carried")
+
+
+def astray(seeds: Sequence[int]) -> BenchmarkTable:
+    """What teaches on the map, and on a map that has none of the places: after nothing, and after a drive on it."""
+    rows = []
+    for motion, name in ((NONE, "its image alone"), ("any", "the filter")):
+        found: dict[str, list[Drive]] = {str(NEAR): [], str(FAR): [], f"{FAR} after {NEAR}": []}
+        for seed in seeds:
+            model = learned(NEAR, "STDP", seed)
+            on = driven(model, NEAR, LEARNING, motion)
+            warm = dataclasses.replace(LEARNING, season=on.season)
+            drives = (on, driven(model, FAR, LEARNING, motion), driven(model, FAR, warm, motion))
+            for kept, drive in zip(found.values(), drives, strict=True):
+                kept.append(drive)
+        for asked, drives_of in found.items():
+            taught = np.mean(np.concatenate([turn.taught for drive in drives_of for turn in drive.turns]))
+            shares = [drive.least_and_most for drive in drives_of]
+            least, most = min(share[0] for share in shares), max(share[1] for share in shares)
+            rows.append([name, asked, f"{100 * taught:.1f}", f"{100 * least:.0f} to {100 * most:.0f}"])
+    columns = [
+        "an answer by",
+        f"asked of a map of {NEAR}",
+        "taught, %",
+        f"sure of any {RECENT} answers, %",
+    ]
+    return BenchmarkTable(columns, rows, record="season-astray")
+
+
+def settings(seeds: Sequence[int]) -> BenchmarkTable:
+    """The numbers of learning, each changed by itself."""
+    changes: list[tuple[str, str, float]] = [("as they are", "PRIOR", gains.PRIOR)]
+    changes += [(f"{number} {value:g}", number, value) for number, some in SETTINGS.items() for value in some]
+    rows = [["without gains", *(_chosen(way, ADAPTING, seeds) for way in CHOSEN)]]
+    for name, number, value in changes:
+        with patch.object(teaching if number == "ALONE" else gains, number, value):
+            rows.append([name, *(_chosen(way, LEARNING, seeds) for way in CHOSEN)])
+    columns = ["numbers", *(f"{way.section}, {'summer' if way.season else 'winter'} asked" for way in CHOSEN)]
+    return BenchmarkTable(columns, rows)
+
+
+def _chosen(way: SeasonedMap, asking: Asking, seeds: Sequence[int]) -> str:
+    """The recall of a map under some settings; how many taught, and how many of them were wrong."""
+    drives = [driven(learned(way, "STDP", seed), way, asking) for seed in seeds]
+    taught, wrong = np.sum([teachers(drive.turns, truth_of(way)) for drive in drives], axis=0).tolist()
+    return f"{recall([figures(drive.scores, way) for drive in drives])}; {taught} / {wrong}"
+
+
+@program("nordland", "nordland_long", "gardens")
+@click.option("--chosen", is_flag=True, help="The settings that were compared, and the maps of that.")
+@seeds_option
+def main(seeds: Sequence[int], chosen: bool) -> Printed:
+    """Recall, R@1 / R@100P / AUC, with gains and without."""
+    if chosen:
+        yield settings(seeds)
+        return
+    yield from compared(seeds)
+    yield carried(seeds)
+    yield astray(seeds)
