@@ -11,6 +11,7 @@ the maps on which nothing was.
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 from benchmarks.places import PlacesSection, images_of, learned, places
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from benchmarks.robot import drives
+from benchmarks.robot.cameras import every_camera
 from benchmarks.robot.drives import AFTER, BEFORE, REST, RESTING, Dull, Frames, kidnappings
 from lava_vpr import Localizer, train
 from lava_vpr.backends.asking import Asking, calibration_of
@@ -254,6 +256,20 @@ def drive_table(title: str, all_seeds: Sequence[DrivenMap], record: str) -> Benc
     )
 
 
+def camera_table(title: str, models: Sequence[IntegerModel], section: PlacesSection) -> BenchmarkTable:
+    """Disturbed cameras on a map, means over seeds."""
+    found, rows = [dict(every_camera(model, section)) for model in models], []
+    for name in found[0]:
+        figures = np.array([of[name][:4] for of in found])
+        mean, least = ([percent(value) for value in _known(figures, of)] for of in (np.mean, np.min))
+        named = sum((of[name].named for of in found), Counter[str]())
+        causes = ", ".join(f"{cause} {times} of {len(found)}" for cause, times in sorted(named.items()))
+        rows.append([name, *(" / ".join(part) for part in (mean[:2], mean[2:], least)), causes])
+    ways = ["exact / within 3", "accepted / right of those", "the least of a seed", "named in drives"]
+    title = f"{title}, disturbed cameras: percent of the images; right: within a place"
+    return BenchmarkTable(["camera", *ways], rows, title=title)
+
+
 def trusts(some: DrivenMap) -> dict[str, Trust | None]:
     """How far the probabilities can be trusted with as many images off the map as on it."""
     off = some.off.part(slice(some.model.places))
@@ -349,6 +365,8 @@ def main(updates: int, seeds: Sequence[int], chosen: bool) -> Printed:
     found = {name: [driven_map(where, seed) for seed in seeds] for name, where in maps.items()}
     for name, all_seeds in found.items():
         yield drive_table(name, all_seeds, RECORDS.get(name, ""))
+        models = [some.model for some in all_seeds]
+        yield camera_table(name, models, maps[name].learned)
     yield trust_table(dict(reversed(found.items())), "" if chosen else "robot-trust")
     if not chosen:
         for name, where in maps.items():

@@ -112,3 +112,19 @@ def kidnappings(places: int, number: int, seed: int) -> list[Frames]:
         if abs(here - there) >= least:
             made.append(np.concatenate([np.arange(here, here + BEFORE), np.arange(there, there + AFTER)]))
     return made
+
+
+def painted(image: Image, above: float, below: float = 0.0) -> Image:
+    """Shares of an image's height, above and below, painted black."""
+    drawn, height = image.copy(), len(image)
+    drawn[: round(above * height)] = 0
+    drawn[height - round(below * height) :] = 0
+    return drawn
+
+
+def squeezed(image: Image, above: float, below: float = 0.0) -> Image:
+    """The same shares black, and the image squeezed between them."""
+    drawn, height = np.zeros_like(image), len(image)
+    first, end = round(above * height), height - round(below * height)
+    drawn[first:end] = cv2.resize(image, (image.shape[1], end - first), interpolation=cv2.INTER_AREA)
+    return drawn
