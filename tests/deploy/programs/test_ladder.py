@@ -160,9 +160,9 @@ def test_one_wrong_register_fails_its_rung(
 
 WITHOUT = [kind for kind in ASKED if kind != "rows with indices, of discrete axons"]
 CURES: dict[str, tuple[str, dict[str, Any], tuple[str, ...]]] = {
+    "fields": ("one neuron", {"no_type": True}, ("does not compile",)),
     "count-words": ("one neuron", {"counts_words": True}, ("the chip does not answer in time",)),
     "one-word": ("one neuron", {"one_word": True}, ("the chip does not answer in time",)),
-    "fields": ("one neuron", {"no_type": True}, ("does not compile",)),
     "compression-3": ("one neuron", {"asked": WITHOUT}, ("compression 0",)),
     "fields,one-word": ("one neuron", {"no_type": True, "one_word": True}, ()),
     "whole-cores": ("reset", {"stale": True}, ()),
@@ -170,7 +170,10 @@ CURES: dict[str, tuple[str, dict[str, Any], tuple[str, ...]]] = {
     "phases,whole-cores": ("reset", {"stuck": True, "stale": True}, ()),
     "masks": ("tables", {"memory": 150}, ("region is full",)),
 }
-"""Ways, the rung whose failure they cure, a board that fails in just that way, and what is then said."""
+"""Ways, the rung whose failure they cure, a board that fails in just that way, and what is then said.
+
+The first fails without waiting.
+"""
 
 
 @pytest.mark.quick(1)
