@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from lava.proc.lif.models import PyLifModelBitAcc
 from numpy.typing import NDArray
-from support.common.small_models import encoded, small_model
 from support.lava.model_harness import build, drive
 from support.lava.small_networks import FIXED, FLOAT, Arrays, Runs, hold_in_lava, random_network
 
 from benchmarks.places import SECTIONS, encoded as real, learn
 from lava_vpr.backends import registry as backends
-from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.backends.interface import query_presentations
 from lava_vpr.backends.verification import verify
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
-from lava_vpr.encoding import draw_trains, query_rates
+from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.biases import LEVEL, bias_input_spikes, biases, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 from lava_vpr.engine.random import presentation_keys
@@ -123,25 +121,11 @@ def check_board(network: FixedNetwork, shown: Arrays, got: Arrays) -> None:
     assert got["writes"].tolist() == [1, 3, 3, 1]
 
 
-@pytest.mark.slow
-def test_a_backend_counts_the_same_events() -> None:
-    model, queries = small_model(), encoded()
-    model = replace(model, network=replace(model.network, regular=True, bias_input=True, steps=29))
-    rates = query_rates(queries.activity, model.config)[:2]
-    shown = Presentations(rates, 1)
-    counts, events = backends.get("host").count_spikes(model, shown)
-    assert counts.sum() > 0
-    got, same = backends.get("lava-library").count_spikes(model, shown)
-    assert np.array_equal(got, counts)
-    assert same == events
-
-
 @pytest.mark.data
 @pytest.mark.slow
 def test_twenty_real_queries_with_a_bias_on_every_backend(data_root: Path) -> None:
     config = update(preset("loihi"), {"network": {"input_mode": "bias"}})
     model = learn(SECTIONS[0], config)
-    assert isinstance(model.network, FixedNetwork)
     queries = real("winter", config.encoder).take(slice(0, 20))
     names = ("lava-fixed", "lava-fused", "lava-library")
     host = backends.get("host").trains(model, query_presentations(model, queries))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,11 +10,9 @@ import pytest
 from numpy.typing import NDArray
 from support.lava.small_networks import random_bias
 
-from benchmarks.places import encoded, learn
-from lava_vpr.config import preset
-from lava_vpr.encoding import draw_trains, query_rates16
+from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
-from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.engine.random import presentation_keys
 from lava_vpr.isolated.runner import run_isolated
 
 IMAGES, STEPS = 3, 60
@@ -70,20 +67,3 @@ def test_every_spike_equals_lavas_library() -> None:
     assert len(rasters) == 5
     for name, film in films.items():
         assert np.array_equal(film, rasters[name]), name
-
-
-@pytest.mark.slow
-@pytest.mark.lava
-@pytest.mark.data
-def test_the_trained_network_on_real_queries_equals_lavas_library(data_root: Path) -> None:
-    config = preset("loihi")
-    network = learn((0, 100), config).network
-    assert isinstance(network, FixedNetwork)
-    queries = encoded("winter", config.encoder).take(slice(0, 12))
-    rates = query_rates16(queries.activity, config.encoder)
-    keys = presentation_keys(0, "query", image_keys(rates))
-    counts, _, film = count_spikes(network, rates, keys, raster=True)
-    assert counts.any(axis=1).all()
-    assert counts.sum() > 40
-    spikes = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
-    assert np.array_equal(film, through_lava({"real": (network, spikes)})["real"])

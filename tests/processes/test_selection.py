@@ -19,13 +19,8 @@ from numpy.typing import NDArray
 from support.boards.loihi2_bundles import STANDIN
 from support.lava.selection_targets import MADE
 
-from benchmarks.places import encoded, learn
 from lava_vpr import processes
-from lava_vpr.config import preset
 from lava_vpr.deploy.hardware.table import BELIEFS
-from lava_vpr.encoding import query_rates16
-from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
 
@@ -181,37 +176,6 @@ def test_learning_synapses_are_the_librarys(weight_exp: int, rng_seed: int) -> N
 def test_learning_in_the_librarys_floating_point_is_refused() -> None:
     with pytest.raises(NetworkLimitError, match=r"^PlasticDense: Lava's floating-point LearningDense scales a rule"):
         plastic(weight_exp=0, rng_seed=1, sub=True, tag="floating_pt")
-
-
-@pytest.fixture(scope="module")
-def real(data_root: Path) -> tuple[FixedNetwork, NDArray[np.uint16], NDArray[np.uint64]]:
-    """A trained network, and rates and keys of five real queries."""
-    config = preset("loihi")
-    network = learn((0, 100), config).network
-    assert isinstance(network, FixedNetwork)
-    rates = query_rates16(encoded("winter", config.encoder).take(slice(0, 5)).activity, config.encoder)
-    return network, rates, presentation_keys(0, "query", image_keys(rates))
-
-
-@pytest.mark.slow
-@pytest.mark.data
-@pytest.mark.parametrize("bias_input", [True, False], ids=["input compartments", "Poisson, injected"])
-def test_five_real_queries_spike_alike(
-    real: tuple[FixedNetwork, NDArray[np.uint16], NDArray[np.uint64]],
-    bias_input: bool,
-) -> None:
-    network, rates, keys = real
-    arrays = {"weights": network.weights, "bias": network.bias, "rates": rates, "keys": keys}
-    options = {**network.scalars, "bias_input": bias_input, "regular": bias_input, "record": True}
-    ours, library = (
-        run_isolated(f"lava_vpr.processes.jobs.inference:{job}", arrays, options, timeout=300)
-        for job in ("composed", "library")
-    )
-    assert ours["exc"].any(axis=(1, 2)).all()
-    compared = {name: int(ours[name].sum()) for name in ("inputs", "exc", "inh")}
-    for name in compared:
-        assert np.array_equal(ours[name], library[name]), name
-    print(f"five real queries, equal spikes: {compared}")
 
 
 def test_sub_process_models_come_first() -> None:

@@ -1,7 +1,7 @@
 """Small made-up traverses, settings and models.
 
-Used by backends, bench, benchmarks, cli, core, deploy, engine, exchange, learning, maps, matching, processes,
-studies and training.
+Used by backends, bench, benchmarks, cli, core, deploy, engine, exchange, learning, maps, matching, studies
+and training.
 """
 
 from __future__ import annotations
