@@ -27,9 +27,7 @@ from lava_vpr.deploy.bundle import board_program
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.folder import load
 from lava_vpr.deploy.bundle.targets import open_bundle
-from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.biases import held_biases
-from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError, ConfigError, NetworkLimitError
 from lava_vpr.model import Model
@@ -47,8 +45,6 @@ def test_a_bundle_gives_its_model_back(model: Model, board: Any, tmp_path: Path)
     deploy(model, board, tmp_path / "b", picture=False)
     back = open_bundle(tmp_path / "b")
     assert back.bundle == tmp_path / "b"
-    assert isinstance(back.network, fixed.FixedNetwork)
-    assert isinstance(model.network, fixed.FixedNetwork)
     own = {"weights": model.network.weights, "bias": model.network.bias}
     assert all(np.array_equal(getattr(back.network, name), array) for name, array in own.items())
     assert model.network.bias.any()
@@ -89,7 +85,6 @@ def three(model: Model, seed: int) -> Presentations:
 @pytest.mark.parametrize("board", BOARDS)
 def test_bundles_take_biases_of_each_presentation(model: Model, board: str, tmp_path: Path) -> None:
     shown, spec = three(model, 3), model.network
-    assert isinstance(spec, FixedNetwork)
     wanted = spec.bias - np.array([[0], [200], [60_000]])
     biased = replace(shown, bias=held_biases(wanted))
     deploy(model, BOARDS[board], tmp_path / "b", picture=False)
@@ -170,7 +165,6 @@ def test_the_wrong_board_and_the_wrong_network_are_refused(
 
 
 def test_verify_says_why_a_model_does_not_fit(model: Model) -> None:
-    assert isinstance(model.network, fixed.FixedNetwork)
     forgetful = replace(model, network=replace(model.network, decay=4096))
     (_, verdict) = verify(forgetful, encoded(8), np.eye(8, dtype=bool), names=("host", "bundle"))
     assert verdict.as_json()["available"] is False

@@ -17,13 +17,9 @@ from lava_vpr.matching.evaluation import evaluate
 def test_all_the_energy_of_a_query() -> None:
     board, unknown, host, cosine = ways()
     assert unknown is None
-    assert board is not None
-    assert host is not None
-    assert cosine is not None
     assert (board.dynamic, board.static) == (FIGURES.dynamic_microjoules, Estimate(13.0, 78.0, 110.0))
     # Static energy while host I/O goes on after the chips' work: 0, 1 and 7 mJ.
     io = board.io_static
-    assert io is not None
     assert (io.low, io.nominal, io.high) == pytest.approx((0.0, 1000.0, 7000.0))
     # Milliseconds at 5, 10 and 20 W.
     assert (board.work.low, board.work.nominal, board.work.high) == pytest.approx((150.0, 300.0, 600.0))

@@ -29,7 +29,6 @@ def queries() -> QuerySet:
 
 def network(**changes: Any) -> FixedNetwork:
     found = as_integer(small_model())
-    assert found is not None
     return replace(found.network, **changes)
 
 
@@ -154,7 +153,6 @@ def test_all_in_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
     assert hog.bytes == 4 * 1764 * 8
     assert (last.what, last.bytes, last.metrics) == (other.what, 5, other.metrics)
     for one in found:
-        assert one.queries_per_second is not None
         assert one.queries_per_second > 0
         assert (one.threads, one.queries, one.absent) == (2, 8, "")
     assert ours.bytes == model.network.weights.nbytes + model.responses.nbytes

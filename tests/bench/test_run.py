@@ -19,6 +19,5 @@ def test_the_parts_of_a_step_add_up_to_its_time() -> None:
     events = count_events(plan, trains_of(plan.network, 3, 0))
     times, costs = step_times(plan, events, LOIHI_1), modelled(plan, events).figures
     assert min(times.program) > 0
-    assert costs is not None
     whole = np.mean(times.busiest) + np.mean(times.program) + times.barrier
     assert whole == pytest.approx(costs.step_microseconds.nominal)

@@ -72,8 +72,6 @@ def test_metrics_are_what_literal_loops_count(kind: str, signed: bool, inhibitio
     }
     every = [int(weight) for layer in layers.values() for weight in layer.ravel()]
     operations = 0
-    assert trains.inputs is not None
-    assert trains.inh is not None
     assert trains.inh.shape[2] == leaves + 1
     spiking = {"inputs": trains.inputs, "listened": trains.exc, "leaves": trains.inh[..., :-1]}
     spiking |= {"root": trains.inh[..., -1:], "relays": trains.inputs[..., :relays]}
@@ -107,8 +105,6 @@ def test_membranes_are_those_that_spike(seed: int) -> None:
     """Recomputed from input and inhibition alone, neurons spike where the engine has a spike, and are 0 then."""
     made, rates, keys = small(seed=seed)
     trains = trains_of(made, rates, keys)
-    assert trains.inputs is not None
-    assert trains.inh is not None
     for q in range(N):
         after, fired = membranes(made, trains.inputs[q], trains.inh[q])
         assert np.array_equal(fired, trains.exc[q])
@@ -129,8 +125,6 @@ def test_membrane_updates_are_those_of_neurons_stepped_one_by_one(kind: str) -> 
     """Every population as a loop of compartments; what has no memory comes and goes within a step."""
     made, rates, keys = small(kind)
     trains = trains_of(made, rates, keys)
-    assert trains.inputs is not None
-    assert trains.inh is not None
     weights, leaves, relays, changed = made.weights.astype(int), made.leaves, made.relayed, 0
     for q in range(N):
         exc, others = [0] * NEURONS, [0] * (leaves + 1 + relays * INPUTS)
@@ -162,8 +156,6 @@ def test_membrane_updates_are_those_of_neurons_stepped_one_by_one(kind: str) -> 
 def test_a_missing_inhibition_would_be_seen() -> None:
     made, rates, keys = small()
     trains = trains_of(made, rates, keys)
-    assert trains.inputs is not None
-    assert trains.inh is not None
     found = [membrane_updates(made, trains.inputs, inh) for inh in (trains.inh, np.zeros_like(trains.inh))]
     assert found[0] != found[1]
 

@@ -44,8 +44,6 @@ def test_a_graph_computes_what_the_network_computes(tmp_path: Path) -> None:
     nir.write(tmp_path / "net.nir", graph_of(model.network, 0.001))
     rates = np.random.default_rng(3).integers(0, 9000, (4, model.network.inputs)).astype(np.uint16)
     trains = HostBackend().trains(model, Presentations(rates, 7))
-    assert trains.inputs is not None
-    assert trains.inh is not None
     spikes = spikes_of(nir.read(tmp_path / "net.nir"), trains.inputs, single=False, truncates=True)
     assert trains.exc.sum() > 20
     assert trains.inh.sum() > 5

@@ -102,7 +102,6 @@ def test_both_ways_of_injecting(tmp_path: Path) -> None:
     for input_core in (True, False):
         found = cross_check(own.plan, own.trains, python=standin(tmp_path), input_core=input_core)
         assert failures(own, found) == []
-        assert found.simple_milliseconds is not None
         times.append(found.simple_milliseconds[0])
     assert times[0] > times[1]
 
@@ -120,7 +119,6 @@ def test_a_part_in_a_hundred_thousand_in_one_step_is_seen(name: str) -> None:
     step = answered["queries"][1][name]
     step[7] *= 1 + 1e-5 if name in ("total_energy", "sim_time") else 1.001
     found = again(0, answered)
-    assert found.difference is not None
     assert found.difference > LIMIT
 
 
@@ -320,8 +318,6 @@ def test_sanafe_itself_agrees(seed: int) -> None:
     found = cross_check(own.plan, own.trains, python=python, input_core=own.input_core)
     assert failures(own, found) == []
     assert found.version == "2.2.9"
-    assert found.simple_milliseconds is not None
-    assert found.detailed_milliseconds is not None
     assert found.detailed_milliseconds >= found.simple_milliseconds[1] * (1 - LIMIT)
 
 

@@ -292,7 +292,6 @@ def test_neurons_that_have_a_place_learn_nothing_more(arithmetic: str) -> None:
     keys = image_keys(rates)
     trainer.begin_epoch(2)
     thresholds = trainer.thresholds()
-    assert thresholds is not None
 
     def show(place: int, times: int) -> NDArray[np.int32]:
         return trainer.present(rates[place], presentation_key(0, "train", int(keys[place]), times), place, 2)

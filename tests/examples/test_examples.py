@@ -127,8 +127,6 @@ def node_module(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
         vars(module).update(values)
         monkeypatch.setitem(sys.modules, name, module)
     spec = importlib.util.spec_from_file_location("ros2_node", EXAMPLES / "ros2_node.py")
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -63,7 +63,6 @@ def test_a_bag_has_poses_links_and_posteriors(drive: None) -> None:
     for number, (path, (_, pose), (when, info), (_, link)) in enumerate(rows):
         match = robot.update(read_image(path))
         belief = robot.belief
-        assert belief is not None
         assert when == (1_700_000_000 + number) * 10**9 + 250_000_000
         for header in (pose.header, info.header):
             assert (header.stamp.sec, header.stamp.nanosec, header.frame_id) == (

@@ -78,7 +78,6 @@ def compared(model: IntegerModel, queries: EncodedTraverse, path: Path) -> tuple
     trains = draw_trains(shown.rates, shown.keys, network.steps, network.interval, regular=network.regular)
     own = HostBackend().trains(replace(model, network=network), shown)
     found = loaded_spikes(path, network, trains)
-    assert own.inh is not None
     assert np.array_equal(found[:, :, :-1], own.exc)
     assert np.array_equal(found[:, :, -1:], own.inh)
     return found[:, :, :-1].sum(axis=1), own.exc.sum(axis=1), HostBackend().trains(model, shown).exc.sum(axis=1)

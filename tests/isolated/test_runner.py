@@ -309,7 +309,6 @@ def start_caller(place: Place, going: bool = True) -> children.Child:
         text=True,
     )
     if going:
-        assert caller.stdout is not None
         assert caller.stdout.readline() == "going\n"
         place.note()
     return caller

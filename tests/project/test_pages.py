@@ -111,7 +111,6 @@ def test_every_record_is_written_by_the_command_that_it_names() -> None:
         assert record.conditions, name
         if record.command.startswith("lava-vpr "):
             command = main.get_command(click.Context(main), record.command.split()[1])
-            assert command is not None
             assert command.callback.__annotations__["return"] == "list[Table]", name
         else:
             words = re.search(r"-m (benchmarks|support)[ .]([\w.]+)", record.command)

@@ -54,10 +54,8 @@ def test_npz_gives_vectors_names_positions_and_times(tmp_path: Path, save: Any) 
     traverse = open_traverse(path).take([4, 0])
     assert traverse.names == ("place 4é.jpg", "place 0é.jpg")
     assert np.array_equal(np.stack(list(traverse.images())), vectors()[[4, 0]])
-    assert traverse.positions is not None
     assert traverse.positions.frame == LAT_LON
     assert np.array_equal(traverse.positions.values, positions[[4, 0]])
-    assert traverse.stamps is not None
     assert traverse.stamps.tolist() == [1e9 + 4, 1e9]
 
 
@@ -66,14 +64,12 @@ def test_the_only_matrix_of_an_npz_is_its_vectors_and_names_tell_positions(tmp_p
     np.savez(tmp_path / "v.npz", netvlad=vectors(), names=names, labels=np.arange(N))
     found = open_traverse(tmp_path / "v.npz")
     assert np.array_equal(found.load(0), vectors()[0])
-    assert found.positions is not None
     assert found.positions.values[1].tolist() == [400010, 5500000]
     np.savez(tmp_path / "xy.npz", descriptors=vectors(), positions=np.zeros((N, 2), np.int64))
     np.savez(tmp_path / "only.npz", netvlad=vectors(), positions=np.zeros((N, 2), np.int64))
     for name in ("xy.npz", "only.npz"):
         read = read_vectors(tmp_path / name)
         assert read.values == VALUES
-        assert read.positions is not None
         assert read.positions.frame == XY
 
 
@@ -293,7 +289,6 @@ def test_hdf5_gives_vectors_names_positions_and_times(tmp_path: Path, suffix: st
     found = open_traverse(path)
     assert np.array_equal(np.stack(list(found.images())), vectors().astype(np.float16).astype(np.float32))
     assert found.names[2] == "é 2"
-    assert found.positions is not None
     assert found.positions.frame == "UTM 32N"
     assert found.stamps is not None
 

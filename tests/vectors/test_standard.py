@@ -64,7 +64,6 @@ def test_a_projection_is_the_same_alone_and_with_others(values: int, kept: int, 
     array = vectors(7, values, seed)
     config = of(array, vector_kept=kept)
     standard = fitted(config, [traverse(array)])
-    assert standard is not None
     together = standard.seen(array)
     assert together.shape == (7, min(values, kept))
     for one, row in zip(together, array, strict=True):
@@ -75,7 +74,6 @@ def test_a_projection_is_signs_transform_and_choice() -> None:
     array = vectors(40, 100)
     config = of(array, vector_kept=60)
     standard = fitted(config, [traverse(array)])
-    assert standard is not None
     assert standard.projects
     assert len(standard.signs) == width_for(100) == 128
     assert len(set(standard.kept.tolist())) == 60
@@ -87,7 +85,6 @@ def test_a_projection_is_signs_transform_and_choice() -> None:
     assert standard.signs.tolist() == [1 if draw < 0.5 else -1 for draw in draws[:128]]
     assert standard.kept.tolist() == sorted(sorted(range(128), key=draws[128:].__getitem__)[:60])
     other = fitted(dataclasses.replace(config, seed=1), [traverse(array)])
-    assert other is not None
     assert not standard.same(other)
     # Angles stay nearly what they are.
     cosines = [np.corrcoef(x)[np.triu_indices(40, 1)] for x in (standard.standardised(array), standard.seen(array))]
@@ -100,7 +97,6 @@ def test_mean_and_scale_are_those_of_all_references(scale: str) -> None:
     array[:, 4] = 7.0  # says nothing
     two = [traverse(array[:30]), traverse(array[30:])]
     standard = fitted(of(array, vector_scale=scale), two)
-    assert standard is not None
     assert np.allclose(standard.mean, array.mean(axis=0), atol=1e-5)
     spread = array.astype(np.float64).std(axis=0)
     shared = np.sqrt((spread**2).mean())
@@ -163,7 +159,6 @@ def test_another_models_standard_must_fit() -> None:
     array = vectors(6, 20)
     config = of(array)
     standard = fitted(config, [traverse(array)])
-    assert standard is not None
     assert standard_like(standard, config) is standard
     for other, wanted, text in (
         (None, config, "--standard names a model that was not trained with vectors"),
@@ -206,19 +201,16 @@ def assembled(forge: Callable[[dict[str, Any], Arrays], object], kept: int = KEP
 @pytest.mark.parametrize("kept", [KEPT, VALUES])
 def test_a_sound_file_gives_the_same_model(kept: int) -> None:
     model = assembled(lambda header, arrays: None, kept)
-    assert model.standard is not None
     assert model.standard.projects == (kept < VALUES)
     assert model.patches is None
     _, again = model_file.content(model)
     assert all(np.array_equal(again[name], array) for name, array in sound(kept)[1].items())
-    assert model.calibration is not None
     assert (model.calibration[:, 1] == RIGHT).any()
 
 
 def test_vectors_of_any_size_are_kept() -> None:
     """A descriptor of length 1 and 100,000 values has values of about 0.003, and varies less."""
     model = assembled(first("standard.scale", 1e-30))
-    assert model.standard is not None
     assert model.standard.scale[0] == np.float32(1e-30)
 
 

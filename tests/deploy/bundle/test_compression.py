@@ -22,7 +22,6 @@ from lava_vpr.deploy.bundle import compression
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_traverse
 from lava_vpr.engine.conductance.model import initial_state
 from lava_vpr.engine.inference import quantise
-from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.experiments import calibration
 from lava_vpr.loihi import LOIHI_1_INPUT_LIMIT
@@ -173,7 +172,6 @@ def test_where_inputs_come_from_is_the_models_but_on_loihi_2() -> None:
     assert compression.for_board(model, KAPOHO_BAY).model is model
     result = compression.for_board(model, LOIHI_2)
     network = result.model.network
-    assert isinstance(network, FixedNetwork)
     assert (network.bias_input, network.interval) == (True, model.config.network.steps)
     (note,) = result.notes
     assert note.startswith("inputs integrate a bias, as Loihi 2 is given them unless --input-mode injected asks")

@@ -25,7 +25,6 @@ from lava_vpr.deploy.bundle.learning import (
 )
 from lava_vpr.encoding import EncodedTraverse, draw_spikes, rates16
 from lava_vpr.engine.inference.biases import bias_input_spikes
-from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.learning.integer import present
 from lava_vpr.engine.learning.integer_kernels import StepDraws
 from lava_vpr.engine.learning.lava_order import FoldedPhase, LibraryDraws, fold, folded_phases, laterals, unfold
@@ -281,7 +280,6 @@ def test_silent_steps_change_nothing_but_what_is_drawn(model: Model) -> None:
 
 def test_what_is_learned_recognises_its_places(model: Model) -> None:
     learned = learned_on_chip(model, 1)
-    assert isinstance(learned.network, FixedNetwork)
     assert learned.network.weights.shape == model.network.weights.shape
     own = learned.responses.argmax(axis=0)
     assert len(set(own.tolist())) >= PLACES - 2, "places share their neurons"

@@ -139,9 +139,7 @@ def test_energy_of_counts(input_mode: str, signed: bool) -> None:
 
 
 def figures_of(plan: Plan, counted: EventCounts) -> BoardFigures:
-    found = modelled(plan, counted).figures
-    assert found is not None
-    return found
+    return modelled(plan, counted).figures
 
 
 def estimates(*values: Any) -> list[Estimate]:
@@ -216,9 +214,7 @@ def test_counts_of_a_query() -> None:
     counts = modelled(plan, counted).counts
     contract = ("synaptic_operations", "neuron_updates", "input_spikes", "exc_spikes", "inh_spikes", "messages", "hops")
     assert set(contract) | {"steps"} <= set(counts)
-    assert trains.inputs is not None
     assert counts["input_spikes"] == trains.inputs.sum() / 5
-    assert trains.inh is not None
     assert counts["exc_spikes"] == trains.exc.sum() / 5 > counts["inh_spikes"] == trains.inh.sum() / 5 > 0
     assert counts["messages"] == (counted.messages_out.sum() + counted.injected_messages.sum()) / 5
     assert counts["steps"] == 33
@@ -243,7 +239,6 @@ def test_input_layer_beside_an_injected_network(input_mode: str) -> None:
     for mode in ("injected", "bias"):
         estimates = (one.io_microjoules_by_way[mode].nominal for one in (found, true))
         assert next(estimates) == pytest.approx(next(estimates), rel=0.05), mode
-    assert true.dynamic_microjoules is not None
     assert true.dynamic_microjoules.nominal > true.io_microjoules_by_way["bias"].nominal
     # What a relay does: it is accessed in every step, and updated when its input spikes.
     relays = 784 * 100 * 51.2e-6 if input_mode == "relayed" else 0

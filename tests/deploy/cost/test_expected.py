@@ -25,7 +25,6 @@ def test_times_are_those_of_the_references_as_queries(most: int, monkeypatch: py
     trains = HostBackend().trains(model, query_presentations(model, encoded()).part(asked))
     events = count_events(plan, trains)
     costs = modelled(plan, events).figures
-    assert costs is not None
     monkeypatch.setattr(expected, "_TOGETHER", 2)
     found = expected.timed(plan, model)
     assert found.times == Times(len(asked), 8, costs.step_microseconds, costs.milliseconds)

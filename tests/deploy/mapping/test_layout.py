@@ -64,7 +64,6 @@ def test_even_ranges_are_as_short_as_any() -> None:
         made = replace(made, weights=weights.astype(np.int16))
         sizing = Sizing(made, tiny(synapse_words=50), even(made))
         best = longest(sizing, 12, 12)
-        assert best is not None
         cores = best.size - 1
         bounds = even_ranges(sizing, cores, best)
         tried = []

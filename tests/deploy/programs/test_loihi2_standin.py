@@ -18,7 +18,6 @@ from support.common.small_models import small_model
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.encoding import query_rates
-from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import LavaRunError
 from lava_vpr.isolated.runner import run_isolated
 
@@ -39,7 +38,6 @@ def board(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., None
 @pytest.mark.parametrize("way", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_the_backend_counts_what_the_host_counts(board: Callable[..., None], way: int, tmp_path: Path) -> None:
     model = small_model()
-    assert isinstance(model.network, FixedNetwork)
     network = replace(model.network, regular=model.network.regular or way, bias_input=way)
     model = replace(model, network=network)
     np.save(tmp_path / "weights.npy", model.network.stored[0])

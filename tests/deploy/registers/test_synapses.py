@@ -36,7 +36,6 @@ def literal(rows: SynapseRows, formats: list[SynapseFormat | None]) -> tuple[lis
     entries = []
     for r, number in enumerate(rows.formats):
         form = formats[number]
-        assert form is not None
         synapses = list(zip(rows.compartments, rows.weights, strict=True))[rows.starts[r] : rows.starts[r + 1]]
         first = len(words)
         for begin in range(0, len(synapses), 64):
@@ -65,7 +64,6 @@ def random_rows(seed: int) -> tuple[SynapseRows, list[SynapseFormat | None], int
     for _ in range(int(rng.integers(0, 9))):
         number = int(rng.integers(1, len(formats)))
         form = formats[number]
-        assert form is not None
         size = compartments if form.index_bits == 0 else int(rng.integers(1, compartments + 1))
         reached = np.sort(rng.choice(compartments, size, replace=False))
         least = -(1 << form.weight_bits - 1)
