@@ -221,23 +221,6 @@ def spare_collection() -> None:
     gc.freeze()
 
 
-def train_presentation(network: Brian2Network, rate_hz: NDArray[np.float64]) -> tuple[NDArray[np.int64], float]:
-    """One learning presentation: spike counts (neurons,) and seconds."""
-    if not network.learn:
-        raise ValueError("this network is frozen; build it with learn=True")
-    return network.present(rate_hz)
-
-
-def test_presentation(network: Brian2Network, rate_hz: NDArray[np.float64]) -> tuple[NDArray[np.int64], float]:
-    """One presentation to the frozen network: spike counts (neurons,) and seconds."""
-    if network.learn:
-        raise ValueError("this network learns; build it with learn=False")
-    return network.present(rate_hz)
-
-
-test_presentation.__test__ = False  # type: ignore[attr-defined]  # no test, whatever its name says to pytest
-
-
 def main(folder: Path) -> None:
     """Present the queries in ``folder`` to the frozen network and write what that took.
 
@@ -250,9 +233,9 @@ def main(folder: Path) -> None:
         state = ConductanceState(arrays["weights"], arrays["theta_mv"], arrays["delays"])
         rate_hz = arrays["rate_hz"]
     network = Brian2Network(config, state, learn=False)
-    test_presentation(network, rate_hz[0])
+    network.present(rate_hz[0])
     spare_collection()
-    taken = [test_presentation(network, rates) for rates in rate_hz]
+    taken = [network.present(rates) for rates in rate_hz]
     answer = {
         "version": str(b2.__version__),
         "seconds": [seconds for _, seconds in taken],

@@ -165,7 +165,6 @@ def shortened(events: Made, length: int) -> Made:
 
 
 EVERY_FORMAT = ("aedat4", "dsec", "metavision", "tonic", "apart")
-SIGNED_COLUMNS = ("aedat4", "tonic", "apart")
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,6 @@ from lava_vpr.paper_table.run import counted
 from lava_vpr.paper_table.sections import FIGURES, SectionTask, kept_in, measure, official, read, tasks
 
 QUICK = ("--only", "fast", "--epochs", "4", "--jobs", "1")
-PLAIN = "nordland=spring,summer"
 
 
 @pytest.fixture(autouse=True)

@@ -31,7 +31,6 @@ from lava_vpr.training.measuring import expected_rates
 from lava_vpr.traverse import open_traverse
 from lava_vpr.truth.alignment import aligned_truth
 
-FAST = update(preset("fast"), {"stretch": 4, "learning": {"steps": 80, "epochs": 5}})
 INJECTED = compression.Changes(input_mode="injected")
 
 

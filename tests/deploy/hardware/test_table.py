@@ -13,7 +13,6 @@ from lava_vpr.deploy.hardware.belief import Given, HardwareBelief, Span
 from lava_vpr.deploy.hardware.table import ASSUMED, BELIEFS, kind_of, refusal, unproven_values
 
 ROOT = Path(__file__).resolve().parents[3]
-PAGE = ROOT / "docs" / "hardware.md"
 
 
 def names_in(path: str) -> set[str]:
