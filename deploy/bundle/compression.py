@@ -12,12 +12,13 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.registers.synapses import lateral_synapse
+from lava_vpr.engine.gains import FULL
 from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ConfigError, NetworkLimitError, shown
 from lava_vpr.loihi import SIGNED_WEIGHT_LIMIT
 from lava_vpr.model import IntegerModel, Model, integer_model
-from lava_vpr.training.measuring import remeasured, shown_references
+from lava_vpr.training.measuring import calibrated, remeasured, shown_references
 
 PURPOSE = "a board"
 
@@ -122,6 +123,17 @@ def requantised(model: Model, changes: Changes = UNCHANGED, *, threads: int = 1)
     """
     source = with_settings(model, changes)
     return remeasured(replace(source, network=_quantised(source, distinctive(source))), Pool(threads))
+
+
+def under_gains(model: Model, gains: NDArray[np.uint8], *, threads: int = 1) -> Model:
+    """``model`` with what it learned of each input times its gain (inputs,), quantised, measured and calibrated anew.
+
+    Raises:
+        ConfigError: no float weights, or no gain is above 0.
+    """
+    source = with_settings(model, UNCHANGED)
+    learned = source.learned * (gains[:, None] / np.float32(FULL))
+    return calibrated(requantised(replace(source, learned=learned), threads=threads), Pool(threads))
 
 
 def with_settings(model: Model, changes: Changes) -> Model:

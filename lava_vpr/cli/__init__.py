@@ -21,6 +21,11 @@ COMMANDS = {
     "eval": ("lava_vpr.cli.evaluate", "evaluate", "Recognise images of known places: recall, precision, baselines."),
     "query": ("lava_vpr.cli.query", "query", "Say which place each image shows."),
     "watch": ("lava_vpr.cli.watch", "watch", "Say where a robot is, image by image as they come."),
+    "season": (
+        "lava_vpr.cli.models.season",
+        "season",
+        "Say what was learned of a season; draw, keep, apply or forget it.",
+    ),
     "verify": ("lava_vpr.cli.verify", "verify", "Compare every spike on every backend."),
     "fit": ("lava_vpr.cli.fit", "fit", "Say what fits on a board, and what each core holds."),
     "deploy": ("lava_vpr.cli.deploy", "deploy", "Write all that a board needs to run a model."),

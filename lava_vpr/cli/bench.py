@@ -14,6 +14,7 @@ from lava_vpr.backends.rivals import chosen, kept_for
 from lava_vpr.bench.request import Request
 from lava_vpr.cli.choose import TruthOptions, truth_options
 from lava_vpr.cli.common import RegisteredName, encode_queries, noun, one_bar
+from lava_vpr.cli.models.season import applied, applied_option
 from lava_vpr.cli.nouns import (
     OneSource,
     Queries,
@@ -66,6 +67,7 @@ DEFAULT = registry.timed_by_default()
     help="Queries that each backend is timed on, from the first (default: all; fewer of slow ones).",
 )
 @asking_options
+@applied_option
 @seed_option
 @cluster_option
 @results_options("bench.html")
@@ -76,6 +78,7 @@ def bench(
     asked: Queries,
     truth: TruthOptions,
     request: Request,
+    season: Path | None,
     address: str | None,
     results: WrittenFiles,
 ) -> None:
@@ -87,11 +90,13 @@ def bench(
     """
     if address is not None and not request.sweep:
         raise click.UsageError("--cluster shares the points of --sweep; all else measures this machine: add --sweep")
-    outputs, page = results.outputs("bench.html", read=truth.files, model=asked.model_path, images=(asked.query,))
+    outputs, page = results.outputs(
+        "bench.html", read=(*truth.files, season), model=asked.model_path, images=(asked.query,)
+    )
     # The cost model and what it needs take a second to import: --help does not wait for them.
     from lava_vpr.bench.run import recall_and_costs
 
-    model = asked.model(request.asking)
+    model = applied(asked.model(request.asking), season)
     _refuse(model, asked.model_path, request)
     route = Selection((asked.query,), asked.every)
     traverse, located, correct = truth.open(model, route, asked.places, outputs)

@@ -12,6 +12,7 @@ import click
 from lava_vpr.backends.asking import open_model
 from lava_vpr.cli.choose import open_queries
 from lava_vpr.cli.common import PATH, Number, encode_queries, noun, one_bar, progress_bar, stage
+from lava_vpr.cli.models.season import applied, applied_option
 from lava_vpr.cli.nouns import every_option, json_option, places_option
 from lava_vpr.cli.outputs import Outputs, show_results
 from lava_vpr.cli.show.boards import (
@@ -100,6 +101,7 @@ class CalibrationImages:
 @every_option
 @input_mode_option
 @dense_rows_option
+@applied_option
 @click.option(
     "--learning",
     is_flag=True,
@@ -115,6 +117,7 @@ def deploy(
     changes: Changes,
     images: CalibrationImages,
     dense_rows: bool,
+    season: Path | None,
     learning: bool,
     json_path: Path | None,
 ) -> None:
@@ -128,9 +131,9 @@ def deploy(
     _check_learning(board, learning)
     check_dense_rows(board, dense_rows)
     check_replaceable(output)
-    outputs = Outputs((json_path,), folders=(output,), model=model_path, images=images.sources)
+    outputs = Outputs((json_path,), folders=(output,), read=(season,), model=model_path, images=images.sources)
     model = open_model(model_path)
-    integer_model(model, board.title, model_path)
+    model = applied(integer_model(model, board.title, model_path), season)
     calibration = images.of(model, outputs)
     compressed = _compressed(model, board, changes, calibration, images.max_loss)
     with stage(f"placing {compressed.model.neurons:,} neurons, and writing the bundle"):

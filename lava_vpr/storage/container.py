@@ -123,6 +123,7 @@ REMEDIES = {
     "checkpoint": "delete it and train from the start, without --resume",
 }
 """What to do about a file of each kind that cannot be used."""
+_WRITERS = {"season": "watch --learn"}
 
 _UNFIT = (*ARCHIVE_ERRORS, OSError)
 """What reading an archive and its entries raises when they are not what they should be."""
@@ -191,5 +192,6 @@ def _foreign(path: Path, kind: str, data: bytes) -> str:
             "give the right file"
         )
     return (
-        f"{shown(path)}: is not a lava-vpr {kind} (made by another program?); give a file written by `lava-vpr train`"
+        f"{shown(path)}: is not a lava-vpr {kind} (made by another program?); give a file written by "
+        f"`lava-vpr {_WRITERS.get(kind, 'train')}`"
     )

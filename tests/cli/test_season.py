@@ -6,12 +6,14 @@ import json
 from functools import partial
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.common.commands import fails, figures, images, matches, run
+from support.common.commands import content, fails, figures, images, matches, run
+from support.common.imagefiles import write_images
 
-from lava_vpr import Localizer, load
+from lava_vpr import Localizer, load, localizer
 from lava_vpr.backends import answering, season as season_file, teaching
 from lava_vpr.backends.answering import answer_stream
 from lava_vpr.backends.asking import Asking
@@ -34,10 +36,10 @@ def quick_to_learn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(teaching, "TRACKED", 0.0)
 
 
-def watched(*words: object) -> list[dict[str, object]]:
+def watched(*words: object, model: str = "m.lvpr") -> list[dict[str, object]]:
     """What ``watch`` says of the route's queries."""
     paths = "".join(f"{path}\n" for path in images("query"))
-    result = CliRunner().invoke(main, ["watch", "m.lvpr", "-", *map(str, words)], input=paths)
+    result = CliRunner().invoke(main, ["watch", model, "-", *map(str, words)], input=paths)
     assert result.exit_code == 0, result.output
     return [json.loads(line) for line in result.stdout.splitlines()]
 
@@ -171,3 +173,98 @@ def test_localizers_refuse_what_no_season_is(here: Path) -> None:
         Localizer("m.lvpr", learn=1)  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match="there is no season"):
         Localizer("m.lvpr").save_season("s.lvps")
+
+
+@pytest.fixture
+def known(here: Path) -> Path:
+    """A season that was learned with ``m.lvpr``."""
+    watched("--learn", "--season", "s.lvps")
+    return Path("s.lvps")
+
+
+def asked(model: str, *words: object) -> list[list[str]]:
+    """Rows of ``query``, without the times of files."""
+    return [line.split(",") for line in run("query", model, "query", "-o", "-", *words).stdout.splitlines()]
+
+
+def test_a_season_is_shown_drawn_put_away_applied_and_forgotten(known: Path) -> None:
+    whole, model = known.read_bytes(), Path("m.lvpr").read_bytes()
+    words = ("--picture", "p.png", "--save", "kept.lvps", "--apply", "a.lvpr", "--forget")
+    said = run("season", "m.lvpr", known, *words).stdout
+    assert "8 answers" in said
+    gained = cv2.imread("p.png")
+    assert gained.shape == (480, 640, 3)
+    assert Path("kept.lvps").read_bytes() == whole
+    assert Path("m.lvpr").read_bytes() == model
+    assert (season_file.load(known).gains == gains.FULL).all()
+    assert asked("m.lvpr", "--season", known) == asked("m.lvpr")
+    run("season", "m.lvpr", known, "--picture", "q.png", "--apply", "same.lvpr")
+    assert (cv2.imread("q.png") != gained).any()
+    assert asked("same.lvpr") == asked("m.lvpr") != asked("a.lvpr")
+    run("deploy", "m.lvpr", "--target", "loihi2", "-o", "b", "--season", "kept.lvps")
+    assert asked("b") == asked("a.lvpr")
+
+
+def test_backends_are_compared_under_a_season(known: Path) -> None:
+    how = ("verify", "m.lvpr", "query", "--backend", "bundle", "--json", "v.json")
+    compared = []
+    for words in ((), ("--season", known)):
+        run(*how, *words)
+        compared.append(json.loads(Path("v.json").read_text())["backends"]["bundle"])
+    assert [one["equal"] for one in compared] == [True, True]
+    assert compared[0]["spikes_by_population"] != compared[1]["spikes_by_population"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("extend", "m.lvpr", "further"),
+        ("remove", "m.lvpr", "3"),
+        ("merge", "m.lvpr", "f.lvpr"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_changed_map_has_the_inputs_that_a_season_is_of(known: Path, change: tuple[str, ...]) -> None:
+    write_images(Path("further"), 2)
+    run("train", "further", "-o", "f.lvpr", "--config", "quick.toml")
+    run(*change, "-o", "n.lvpr")
+    assert asked("n.lvpr", "--season", known) != asked("n.lvpr")
+    watched("--learn", "--season", known, model="n.lvpr")
+    assert season_file.load(known).answered == 16
+
+
+def test_a_map_of_other_inputs_is_refused_in_a_line(known: Path) -> None:
+    Path("other.toml").write_text(f"{Path('quick.toml').read_text()}[encoder]\ncell = 8\n")
+    run("train", "reference", "-o", "other.lvpr", "--config", "other.toml")
+    before = content(Path())
+    for words in (
+        ("query", "other.lvpr", "query"),
+        ("eval", "other.lvpr", "query"),
+        ("verify", "other.lvpr", "query"),
+        ("bench", "other.lvpr", "query"),
+        ("deploy", "other.lvpr", "--target", "loihi2", "-o", "b"),
+        ("watch", "other.lvpr", "query", "--learn"),
+    ):
+        assert "the season was learned with other inputs" in fails(*words, "--season", known)
+    assert "other inputs" in fails("season", "other.lvpr", known, "--forget", "--apply", "a.lvpr")
+    assert content(Path()) == before
+
+
+def test_a_season_that_cannot_be_written_is_refused_first_or_told_last(
+    here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = fails("watch", "m.lvpr", "query", "--learn", "--season", "none/s.lvps")
+    assert said.startswith("none/s.lvps: the folder none does not exist")
+    Path("there").mkdir()
+    save = season_file.save
+
+    def late(season: gains.Season, path: Path) -> None:
+        Path("there").rmdir()
+        save(season, path)
+
+    monkeypatch.setattr(localizer, "save_season", late)
+    paths = "".join(f"{path}\n" for path in images("query"))
+    words = ["watch", "m.lvpr", "-", "--learn", "--season", "there/s.lvps"]
+    result = CliRunner().invoke(main, words, input=paths)
+    assert (result.exit_code, len(result.stdout.splitlines())) == (1, 8)
+    assert result.stderr.splitlines()[-1].startswith("lava-vpr: error: there/s.lvps: ")

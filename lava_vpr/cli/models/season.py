@@ -1,0 +1,95 @@
+"""``lava-vpr season``."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import click
+import numpy as np
+
+from lava_vpr import model as model_file
+from lava_vpr.backends.asking import open_model
+from lava_vpr.backends.season import check_season, load, save, unlearned
+from lava_vpr.cli.common import PATH, stage
+from lava_vpr.cli.outputs import Outputs, file_writer, show_results
+from lava_vpr.deploy.bundle.compression import under_gains
+from lava_vpr.engine.gains import FULL, Season
+from lava_vpr.engine.presentations import cores
+from lava_vpr.model import Model, integer_model
+from lava_vpr.report.images import as_png, trusted
+from lava_vpr.show.numbers import percent
+from lava_vpr.show.table import Table
+
+_BOUNDS = (0, 1, 4, 8, 12, FULL + 1)
+
+
+applied_option = click.option(
+    "--season",
+    type=PATH,
+    default=None,
+    metavar="FILE",
+    help="Quantise MODEL anew under a season that was learned.",
+)
+"""``--season`` of a command that takes a map to a board."""
+
+
+def applied(model: Model, path: Path | None) -> Model:
+    """``model`` under the season in the file at ``path``, if there is one.
+
+    Raises:
+        LavaVprError: the file cannot be used, or not with this model.
+    """
+    if path is None:
+        return model
+    known = load(path)
+    check_season(known, integer_model(model, "--season"))
+    with stage(f"quantising {model.neurons:,} neurons under {path}"):
+        return under_gains(model, known.gains, threads=cores())
+
+
+@click.command()
+@click.argument("model_path", metavar="MODEL", type=PATH)
+@click.argument("path", metavar="FILE", type=PATH)
+@click.option(
+    "--picture", type=PATH, default=None, metavar="PNG", help="Draw what is trusted, over the image of a place."
+)
+@click.option("--save", "saved", type=PATH, default=None, metavar="FILE", help="Put a copy away.")
+@click.option(
+    "--apply", "target", type=PATH, default=None, metavar="MODEL", help="Write the map with its weights under FILE."
+)
+@click.option("--forget", is_flag=True, help="Begin anew, after all else: FILE then knows nothing.")
+def season(
+    model_path: Path, path: Path, picture: Path | None, saved: Path | None, target: Path | None, forget: bool
+) -> None:
+    """Say what FILE, written by watch --learn, knows of the season, and draw it, put it away, apply it or forget it.
+
+    MODEL is any map with the inputs that FILE was learned with. It stays as it is: --apply writes another, whose
+    learned weights are multiplied by the gains and quantised anew, so that it needs neither FILE nor a host that
+    multiplies; what it would learn further stands without gains.
+    """
+    Outputs((picture, saved, target), read=(path,), model=model_path)
+    model = integer_model(open_model(model_path), "season", model_path)
+    known = load(path)
+    check_season(known, model)
+    if picture is not None:
+        with file_writer(picture) as write:
+            write(as_png(trusted(model, known.gains)))
+    if saved is not None:
+        save(known, saved)
+    if target is not None:
+        model_file.save(applied(model, path), target)
+    if forget:
+        save(unlearned(model), path)
+    show_results([_table(known)], {})
+
+
+def _table(known: Season) -> Table:
+    """How many inputs have which gain."""
+    rows = []
+    for first, end in itertools.pairwise(_BOUNDS):
+        inputs = int(np.count_nonzero((known.gains >= first) & (known.gains < end)))
+        name = f"{first}" if end == first + 1 else f"{first} to {end - 1}"
+        rows.append((name, f"{inputs:,}", percent(inputs / known.gains.size)))
+    notes = (f"{known.answered:,} answers, of which {known.taught:,} taught",)
+    return Table((f"gain, of {FULL}", "inputs", "%"), rows, notes, "what survives the season")
