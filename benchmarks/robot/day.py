@@ -57,6 +57,7 @@ UNSEEN = {
     "1,000 places": Map(PlacesSection("nordland_long", 0, 1000), PlacesSection("nordland", 0, 500)),
     "500 places": Map(PlacesSection("nordland", 0, 500), PlacesSection("nordland_long", 0, 500)),
 }
+CAMERAS = {"1,000 places": "robot-cameras"}
 RECORDS = {"1,000 places": "robot-drives", "500 places": "robot-drives-500"}
 CHOSEN = {
     "places 0:100": Map(PlacesSection("nordland", 0, 100), PlacesSection("nordland", 100, 200)),
@@ -256,7 +257,7 @@ def drive_table(title: str, all_seeds: Sequence[DrivenMap], record: str) -> Benc
     )
 
 
-def camera_table(title: str, models: Sequence[IntegerModel], section: PlacesSection) -> BenchmarkTable:
+def camera_table(title: str, models: Sequence[IntegerModel], section: PlacesSection, record: str) -> BenchmarkTable:
     """Disturbed cameras on a map, means over seeds."""
     found, rows = [dict(every_camera(model, section)) for model in models], []
     for name in found[0]:
@@ -267,7 +268,7 @@ def camera_table(title: str, models: Sequence[IntegerModel], section: PlacesSect
         rows.append([name, *(" / ".join(part) for part in (mean[:2], mean[2:], least)), causes])
     ways = ["exact / within 3", "accepted / right of those", "the least of a seed", "named in drives"]
     title = f"{title}, disturbed cameras: percent of the images; right: within a place"
-    return BenchmarkTable(["camera", *ways], rows, title=title)
+    return BenchmarkTable(["camera", *ways], rows, title=title, record=record)
 
 
 def trusts(some: DrivenMap) -> dict[str, Trust | None]:
@@ -366,7 +367,7 @@ def main(updates: int, seeds: Sequence[int], chosen: bool) -> Printed:
     for name, all_seeds in found.items():
         yield drive_table(name, all_seeds, RECORDS.get(name, ""))
         models = [some.model for some in all_seeds]
-        yield camera_table(name, models, maps[name].learned)
+        yield camera_table(name, models, maps[name].learned, CAMERAS.get(name, ""))
     yield trust_table(dict(reversed(found.items())), "" if chosen else "robot-trust")
     if not chosen:
         for name, where in maps.items():
