@@ -21,7 +21,7 @@ from lava_vpr.errors import ConfigError
 from lava_vpr.framing import NO_CROP, of_references
 from lava_vpr.inputs.doubts import Doubts
 from lava_vpr.inputs.encoder import INPUTS
-from lava_vpr.matches import Match, matches_of
+from lava_vpr.matches import Match, likeness_of, matches_of
 from lava_vpr.matching.answers import Answerer, Together, accepted, least_probability
 from lava_vpr.matching.beliefs import Belief
 from lava_vpr.matching.forward_filter import NONE
@@ -153,7 +153,8 @@ class Localizer:
         """Ask and answer from the first image on."""
         self._scores: NDArray[np.float64] | None = None
         self._asker, self._moving = Asker(self._model, self._asking, self._seed), Motion()
-        self._doubts, self._framing = Doubts(), self._asking.framing(self._model)
+        self._framing = self._asking.framing(self._model)
+        self._doubts = Doubts(self._likeness, framed=self._framing is not None)
         self._answerer = Answerer.of(self._model.config.decoder.default, self._model.places, self._together)
 
     def update(
@@ -273,14 +274,14 @@ class Localizer:
         )
         self._asking.check_together(self._together)
         self._least = least_probability(self._together, self._precision)
-        self._views, self._scores_of = self._asking.of(model), prepare(model)
+        self._views, self._scores_of, self._likeness = self._asking.of(model), prepare(model), likeness_of(model)
 
     def _go_on(self, model: Model, source: NDArray[np.int64]) -> None:
         """Follow on with a changed map, whose places were at ``source`` in the one before; -1: nowhere."""
         before, doubts = self._answerer.filter, self._doubts
         self._use(model)
         self.reset()
-        self._doubts = doubts
+        self._doubts, doubts.likeness = doubts, self._likeness
         if before is not None:
             calibration, along = self._together.calibration, self._together.along
             following = dataclasses.replace(before.remapped(source, along), calibration=calibration)

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.inputs.doubts import Sign
+from lava_vpr.inputs.encoder import INPUTS
+from lava_vpr.inputs.likeness import Likeness
 from lava_vpr.matching.answers import Answers
 from lava_vpr.matching.forward_filter import FASTEST
 from lava_vpr.model import Model
@@ -55,10 +57,13 @@ class Match:
         spikes: Spike counts of the neurons, int32 (neurons,).
         stamp: What `lava_vpr.Localizer.update` was given.
         repeats: How many images in a row before it show the very same (`lava_vpr.inputs.doubts`).
-        cause: What is wrong with a run of images up to this one: ``stuck camera``, the same image while the robot
-            moves, of which none is accepted; None: nothing.
+        cause: What is wrong with a run of images up to this one, of which none is accepted: ``stuck camera``, the same
+            image while the robot moves; ``border``, empty edges that the map has not; ``blank``; ``mirrored``;
+            ``upside down``. None: nothing.
         time_fault: What is wrong with ``stamp`` beside those before: ``backwards``, ``not a number`` or ``gap``; None:
             nothing.
+        unlike: How far the image is from all that the map has seen (`lava_vpr.inputs.likeness`); from 1 on, which is
+            farther than another season, it is not accepted. NaN: not known.
     """
 
     place: int
@@ -77,6 +82,7 @@ class Match:
     repeats: int = 0
     cause: str | None = None
     time_fault: str | None = None
+    unlike: float = math.nan
 
     def values(self) -> dict[str, Any]:
         """The match as plain JSON values; what is not known is None.
@@ -108,7 +114,8 @@ class Match:
             }
             for candidate in self.candidates
         ]
-        against = {"repeats": self.repeats or None, "cause": self.cause, "time_fault": self.time_fault}
+        against: dict[str, Any] = {"repeats": self.repeats or None, "cause": self.cause, "time_fault": self.time_fault}
+        against["unlike"] = _finite(self.unlike, 3) if self.unlike >= 1 else None
         return said | {name: value for name, value in against.items() if value is not None}
 
 
@@ -138,6 +145,13 @@ class Unfollowed:
             f"{self.alone} of {self.accepted} accepted matches rest on their image alone: images are in no order, or "
             f"further apart than the filter follows ({FASTEST} places); take them more often"
         )
+
+
+def likeness_of(model: Model) -> Likeness | None:
+    """What the references of ``model`` have in common; None where its inputs are no orientations."""
+    layout = model.config.encoder.layout
+    known = INPUTS[model.config.encoder.kind].oriented and len(model.activity) > 1
+    return Likeness.of(model.activity, layout.channels, layout.grid) if known else None
 
 
 def matches_of(
@@ -191,6 +205,7 @@ def matches_of(
                 repeats=sign.repeats,
                 cause=sign.cause,
                 time_fault=sign.time_fault,
+                unlike=sign.unlike,
             )
         )
     return found

@@ -16,6 +16,7 @@ from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.encoding import EncodedTraverse, Keep, encoded_batches
 from lava_vpr.engine.adaptation import Motion
 from lava_vpr.inputs.doubts import Doubts, Sign, signs_of
+from lava_vpr.matches import likeness_of
 from lava_vpr.matching import sequences
 from lava_vpr.matching.answers import ALONE, Answerer, Answers, Together
 from lava_vpr.matching.forward_filter import NONE
@@ -138,7 +139,7 @@ def answer_stream(
     """
     chosen, calls = backends.get(backend, threads, advance), max(1, BACKENDS[backend].together // BATCH)
     asking.check(model)
-    asker = Asker(model, asking, seed)
+    asker, framing = Asker(model, asking, seed), asking.framing(model)
     batches = encoded_batches(
         traverse,
         model.config.encoder,
@@ -149,9 +150,10 @@ def answer_stream(
         model.standard,
         threads,
         keep,
-        asking.framing(model),
+        framing,
     )
-    first, doubts, stamps = 0, Doubts(), lambda rows: traverse.take(rows).stamps
+    doubts = Doubts(likeness_of(model), framed=framing is not None)
+    first, stamps = 0, lambda rows: traverse.take(rows).stamps
     for turn in in_turn(model, asker, batches, chosen, together, 1 if asking.learn else calls, stamps):
         if pace is not None:
             pace.update(turn.scores)

@@ -293,7 +293,7 @@ SILENT = (
     "output",
     "bag",
     "predictions",
-    "references",
+    "reference_folder",
     "scores",
     "jobs",
     "address",

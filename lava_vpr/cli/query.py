@@ -188,7 +188,7 @@ def _write(
     """Write the rows of the queries as they are answered; how many were recognised."""
     form, least, recognised = writing.form_of(len(traverse)), accepting.least(together), 0
     unfollowed, notes = Unfollowed(), Notes()
-    asked = Asked(model, traverse, together, least, writing.references)
+    asked = Asked(model, traverse, together, least, writing.reference_folder)
     with ExitStack() as waiting, writing.rows() as write, writing.takers(asked) as take:
         write(table.csv_header() if form == "csv" else "")
         if writing.silent:

@@ -126,6 +126,8 @@ class Input:
             excites it, where channel k of K belongs to a gradient at 180 k / K degrees, the y axis pointing down; or
             ``grey`` levels of the only channel, or of the difference between the first and the second.
         legend: What the report says about these drawings, a sentence.
+        oriented: Whether channel k of K responds to gradients at 180 k / K degrees and to nothing where there are none,
+            as `lava_vpr.inputs.likeness` takes for granted.
         standardised: Whether vectors are measured by what was fitted on the references
             (`lava_vpr.inputs.vectors.Standard`) before `activity` is given them.
     """
@@ -138,6 +140,7 @@ class Input:
     drawing: Literal["strokes", "grey"]
     legend: str
     standardised: bool = False
+    oriented: bool = False
 
 
 INPUTS: Registry[Input] = Registry("kind of input", ConfigError, group="lava_vpr.inputs", row_class=Input)
@@ -174,6 +177,7 @@ for _row in (
         grey_levels=False,
         drawing="strokes",
         legend="A stroke runs along the edge that excites the neuron; the longer and stronger, the larger the weight.",
+        oriented=True,
     ),
     Input(
         "filters",
@@ -222,6 +226,7 @@ for _row in (
         drawing="strokes",
         legend="A stroke runs along the edge whose events excite the neuron; the longer and stronger, the larger the "
         "weight.",
+        oriented=True,
     ),
     Input(
         "vector",

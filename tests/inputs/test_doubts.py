@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lava_vpr.inputs.doubts import BACKWARDS, GAP, NO_NUMBER, RUN, STUCK, Clock, Doubts, Sign, signs_of
+from lava_vpr.inputs.doubts import BACKWARDS, GAP, NO_NUMBER, RUN, STUCK, UPSIDE_DOWN, Clock, Doubts, Sign, signs_of
+from lava_vpr.inputs.likeness import Likeness
 from lava_vpr.positions.frames import Positions
 
 SEEN = np.arange(6, dtype=np.float32)
@@ -73,3 +74,23 @@ def test_positions_say_that_the_robot_moves(frame: str) -> None:
         signs = [*some[0], *some[1]]
         assert [sign.doubtful for sign in signs] == [what == "drive" and number > 3 for number in range(30)]
         assert [sign.cause for sign in signs] == [STUCK if what == "drive" and k >= 19 else None for k in range(30)]
+
+
+@pytest.mark.parametrize(
+    ("against", "better", "named"),
+    [(0.42, 0.03, True), (0.38, 0.03, False), (0.9, 0.021, True), (0.9, 0.019, False), (-0.1, 0.09, False)],
+)
+def test_images_are_turned_if_the_mean_and_the_places_say_so(against: float, better: float, named: bool) -> None:
+    """Both in one sum, the places by no less than their part; from the 20th image on, and at rest never."""
+
+    class Fixed(Likeness):
+        def better_turned(self, unit: Any, way: int) -> float:
+            return better if way == 1 else 0.0
+
+    mean, edges, shown = np.zeros((4, 8), np.float32), np.zeros(2), np.eye(8, dtype=np.float32)
+    mean[2] = -against
+    how: Any = (shown, np.ones(8), (2, 2), mean, 0.0, 1.0, np.ones(3), edges, edges)
+    for moving in (True, False):
+        doubts = Doubts(Fixed(*how))
+        causes = [doubts.sign(shown[number % 2 * moving]).cause for number in range(RUN + 5)]
+        assert causes == [UPSIDE_DOWN if named and moving and number >= RUN - 1 else None for number in range(RUN + 5)]

@@ -8,7 +8,18 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from lava_vpr.cli.common import stderr
-from lava_vpr.inputs.doubts import BACKWARDS, GAP, NO_NUMBER, RUN, STUCK, Clock
+from lava_vpr.inputs.doubts import (
+    BACKWARDS,
+    BLANK,
+    BORDER,
+    GAP,
+    MIRRORED,
+    NO_NUMBER,
+    RUN,
+    STUCK,
+    UPSIDE_DOWN,
+    Clock,
+)
 from lava_vpr.matches import Match
 from lava_vpr.matching.answers import Answers
 from lava_vpr.model import Model
@@ -110,9 +121,10 @@ class MatchTable:
         return csv_line([*self.cells(row).values(), *self._further(row["candidates"])])
 
     def json(self, row: Row) -> str:
-        """A row as a line of JSON: the columns by their names, and a list of candidates."""
+        """A row as a line of JSON: the columns by their names, what speaks against the query, a list of candidates."""
         values = {column.name: row[column.name] for column in self.columns}
-        return json_line(values | ({"candidates": row["candidates"]} if self.top > 1 else {}))
+        against = {name: row[name] for name in ("cause", "unlike") if row.get(name) is not None}
+        return json_line(values | against | ({"candidates": row["candidates"]} if self.top > 1 else {}))
 
     def cells(self, row: Row) -> dict[str, str]:
         """The text of every column by its name; empty where a value is not known."""
@@ -135,7 +147,11 @@ class MatchTable:
 
 
 NOTES = {
-    STUCK: f"the last {RUN} images show the same, though the robot moves: a stuck camera; none is accepted",
+    STUCK: "show the same, though the robot moves: a stuck camera",
+    BORDER: "have an empty border where the map has none",
+    BLANK: "show nothing",
+    MIRRORED: "are mirrored",
+    UPSIDE_DOWN: "are upside down",
     BACKWARDS: "was taken before one that came before it, by its time",
     NO_NUMBER: "has a time that is no number",
     GAP: "was taken long after the one before it, by its time",
@@ -153,7 +169,8 @@ class Notes:
         for what in (match.cause, match.time_fault):
             if what is not None and what not in self._told:
                 self._told.add(what)
-                stderr.print(f"warning: image {index}{': ' if what == STUCK else ' '}{NOTES[what]}")
+                run = f"image {index}: the last {RUN} images {NOTES[what]}; none is accepted"
+                stderr.print(f"warning: {run if what == match.cause else f'image {index} {NOTES[what]}'}")
 
 
 def sentences(table: MatchTable, row: Row, least: float) -> str:
@@ -175,6 +192,8 @@ def sentences(table: MatchTable, row: Row, least: float) -> str:
     if math.isnan(least):
         confidence = -math.inf if row["confidence"] is None else row["confidence"]
         sure += f"{', ' if sure else ''}confidence {confidence:.3g}"
+    elif not good and row.get("unlike") is not None:
+        sure += ", but it is unlike all that the map has seen"
     elif not good:
         why = f"less than the {least:.0%} from which on it is accepted" if least <= 1 else "and none is enough"
         sure += f", {why} for this precision"

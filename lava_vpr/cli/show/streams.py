@@ -136,7 +136,7 @@ class Writing:
         top: How many of the best places of each image are named.
         bag: Folder of a ROS 2 bag; None: none is wanted.
         predictions: Folder of predictions; None: none are wanted.
-        references: Folder of the reference images, for predictions.
+        reference_folder: Where the reference images lie, for predictions.
         scores: File of all scores; None: none is wanted.
         report_folder: Folder of the page; None: no page.
     """
@@ -146,7 +146,7 @@ class Writing:
     top: int
     bag: Path | None
     predictions: Path | None
-    references: Path | None
+    reference_folder: Path | None
     scores: Path | None
     report_folder: Path | None
 
@@ -179,7 +179,7 @@ class Writing:
         """The outputs beside their ``inputs``; a bag needs a ``motion``."""
         if self.bag is not None and motion == NONE:
             raise click.UsageError("--bag has the covariance of what is believed; give --motion any or forward, too")
-        if self.references is not None and self.predictions is None:
+        if self.reference_folder is not None and self.predictions is None:
             raise click.UsageError("--references names the folder in the paths of --predictions; give that, too")
         folders = [path for path in (self.bag, self.predictions) if path is not None]
         return Outputs((self.file, self.scores), made=(self.page,), folders=folders, **inputs)
@@ -264,6 +264,7 @@ writing_options = noun(
     ),
     click.option(
         "--references",
+        "reference_folder",
         type=PATH,
         default=None,
         metavar="FOLDER",
