@@ -40,6 +40,7 @@ from lava_vpr.matching.forward_filter import FASTEST, NONE
 from lava_vpr.model import Model
 from lava_vpr.recognition import Comparison, Recognition, as_json, recognise
 from lava_vpr.show.table import Table
+from lava_vpr.traverse import Traverse
 from lava_vpr.truth.alignment import PositionErrors
 
 
@@ -102,19 +103,33 @@ def evaluate(
     truth = truth.for_route(route)
     traverse, located, correct = truth.open(model, route, asked.places, outputs)
     compared = replace(compared, motion=_motion(ctx, compared, route, correct))
-    names = rivals_of(model, compared.rivals or None)
-    kept = kept_for(names) | (Keep.THUMBNAILS if results.drawn else Keep.NOTHING)
-    with pool_at(address) as pool:
-        calibration = calibration_of(model, pool) if compared.sequence == compared.asking.views == 1 else None
-        how = replace(compared, rivals=names, keep_scores=results.drawn, calibration=calibration)
-        queries, *further = encode_queries(traverse, model, how.asking, kept)
-        with backend_progress(backend, len(queries)) as advance:
-            running = partial(recognise, pool=pool, advance=advance)
-            result = running(model, queries, correct, how, backend=backend, seed=seed, further=further)
+    queries, result = _recognised(model, traverse, correct, compared, results.drawn, address, backend, seed)
     errors = None if located is None else PositionErrors(located, located.errors(result.matches), truth.near)
     values = {**_named(asked, route), **as_json(model, result, errors)}
     drawn = partial(_page, ctx, model, queries, result, errors)
     results.show(_said(model, result, errors, compared), values, page, drawn)
+
+
+def _recognised(
+    model: Model,
+    traverse: Traverse,
+    correct: NDArray[np.bool_],
+    compared: Comparison,
+    drawn: bool,
+    address: str | None,
+    backend: str,
+    seed: int | None,
+) -> tuple[EncodedTraverse, Recognition]:
+    """The queries of ``traverse``, and what ``model`` makes of them; with what is ``drawn`` of both."""
+    names = rivals_of(model, compared.rivals or None)
+    kept = kept_for(names) | (Keep.THUMBNAILS if drawn else Keep.NOTHING)
+    with pool_at(address) as pool:
+        calibration = calibration_of(model, pool) if compared.sequence == compared.asking.views == 1 else None
+        how = replace(compared, rivals=names, keep_scores=drawn, calibration=calibration)
+        queries, *further = encode_queries(traverse, model, how.asking, kept)
+        with backend_progress(backend, len(queries)) as advance:
+            running = partial(recognise, pool=pool, advance=advance)
+            return queries, running(model, queries, correct, how, backend=backend, seed=seed, further=further)
 
 
 def _named(asked: Queries, route: Selection) -> dict[str, str]:

@@ -144,10 +144,7 @@ def query(
     whole = open_traverse(images, every=every, events=model.config.events)
     outputs.spare(whole.paths)
     traverse = where.of(whole.between(*places) if places else whole, len(whole))
-    if sequence > len(traverse):
-        raise InputError(
-            f"{shown(images)}: has {len(traverse)} images, fewer than --sequence {sequence}; use a shorter sequence"
-        )
+    _check_length(traverse, images, sequence)
     table = MatchTable.of(model, traverse, writing.top, chances=motion != NONE)
     together = Together(sequence, motion, _calibration(model, asking), accepting.off_map)
     asking.check_together(together)
@@ -160,6 +157,14 @@ def query(
     if pace is not None and (contradiction := pace.contradiction(sequence)) is not None:
         stderr.print(f"warning: {contradiction}")
     writing.conclude(len(traverse), recognised)
+
+
+def _check_length(traverse: Traverse, images: str, sequence: int) -> None:
+    """Refuse a ``sequence`` that is longer than a traverse of ``images``."""
+    if sequence > len(traverse):
+        raise InputError(
+            f"{shown(images)}: has {len(traverse)} images, fewer than --sequence {sequence}; use a shorter sequence"
+        )
 
 
 def _asked(model: Model, asking: Asking, motion: str, where: WhereOptions, backend: str) -> tuple[Model, Asking]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -92,25 +93,33 @@ def watch(
     given up. What cannot be read is told on stderr, with a count, and left out. Ctrl-C ends it; so does the end of
     SOURCE, unless there is a page to be looked at.
     """
-    adapt, known = MODELS if asking.tracked_adapt else asking.adapt, learning.season
-    if known is not None and learning.learn:
-        Outputs((known,), model=model_path, images=(source,))
-        known = known if known.exists() else None
+    adapt, known = MODELS if asking.tracked_adapt else asking.adapt, _known(learning, model_path, source)
     how: dict[str, Any] = {"target_precision": target_precision, "off_map": off_map, "seed": seed, "crop": asking.crop}
     localizer = Localizer(model_path, motion, adapt, asking.views, **how, learn=learning.learn, season=known)
     recent, notes, events = Recent(localizer.model), Notes(), localizer.model.config.events
     found = open_source(source, every=every, topic=topic, events=events, live=True, existing=existing)
-
-    def refused(index: int, why: InputError) -> None:
-        recent.refuse()
-        stderr.print(f"warning: image {index} is left out ({recent.said['refused']} so far): {why}")
-
+    refused = partial(_refuse, recent)
     with _kept(localizer, learning), _served(localizer, source, recent, port):
         for watched in islice(watch_images(localizer, found.frames(), refused), stop_after):
             write_stdout(json_line(watched.values()))
             recent.add(watched)
             notes.take(watched.index, watched.match)
         _sum_up(recent, stays=port is not None and recent.said["answered"] != stop_after)
+
+
+def _known(learning: Learning, model_path: Path, source: str) -> Path | None:
+    """The season to begin with: one that is to be written need not be there yet."""
+    season = learning.season
+    if season is not None and learning.learn:
+        Outputs((season,), model=model_path, images=(source,))
+        return season if season.exists() else None
+    return season
+
+
+def _refuse(recent: Recent, index: int, why: InputError) -> None:
+    """Tell of an image that is left out."""
+    recent.refuse()
+    stderr.print(f"warning: image {index} is left out ({recent.said['refused']} so far): {why}")
 
 
 def _sum_up(recent: Recent, *, stays: bool) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -86,9 +85,7 @@ def killed_in_the_middle(
         asked = run("eval", "here.lvpr", winter, "--json", "there.json", *to)
     assert asked.exit_code == 0, asked.output
     assert cluster.workers[0].poll() is not None
-    here, there = (json.loads(Path(f"{name}.json").read_text()) for name in ("here", "there"))
-    assert (here.pop("model"), there.pop("model")) == ("here.lvpr", "there.lvpr")
-    assert there == here
+    assert Path("there.json").read_bytes() == Path("here.json").read_bytes()
 
 
 def test_two_workers_one_of_them_killed_in_the_middle(
