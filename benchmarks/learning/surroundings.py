@@ -5,7 +5,8 @@
 Each map is learned by templates and by STDP, and asked in the other season (Gardens Point: on the other side of the
 path), each image alone and by a network that adapts to the 30 before. Cells are the means over the seeds of R@1 and
 R@100P, in percent, and, of all seeds, how many queries are answered rightly that were not with ``0``, and the other way
-round. ``--chosen`` prints the maps on which numbers were chosen, learned in either season; without it, all others.
+round. ``--chosen`` prints the maps on which numbers may be chosen, learned in either season; without it, others, which
+were in sight while the rule was designed.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from support.common.small_models import encoded, paper_model, small_config, small_model
 
 from benchmarks.places import encoded as encoded_nordland, learn
@@ -25,7 +26,7 @@ from lava_vpr.engine.inference import fixed, quantise
 from lava_vpr.errors import ConfigError, InputError, ModelFileError
 from lava_vpr.inputs.views import STRAIGHT
 from lava_vpr.matching.equations import assign
-from lava_vpr.model import Model
+from lava_vpr.model import Model, integer_model
 from lava_vpr.positions.frames import Positions
 from lava_vpr.recognition import DECODERS_ONLY, recognise
 from lava_vpr.training.loop import train
@@ -44,6 +45,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "surroundings": {"network": {"surroundings": 2}},
 }
 """Settings, by name."""
+SHARE = 0.5
 HERE = Positions(np.arange(2.0 * PLACES).reshape(PLACES, 2), "xy")
 
 
@@ -71,15 +73,30 @@ def case(kind: str, traverses: int = 1, hog: bool = True, positions: bool = Fals
     shown = []
     for number in range(traverses * len(config.views.views)):
         seen = encoded(PLACES, seed=number)
-        whole = dataclasses.replace(seen, indices=np.arange(PLACES), hog=seen.hog if hog else None)
+        activity = ordered(seen.activity) if kind == "surroundings" else seen.activity
+        whole = dataclasses.replace(seen, activity=activity, indices=np.arange(PLACES), hog=seen.hog if hog else None)
         # A model keeps the thumbnails of its first traverse alone.
         shown.append(whole if number < len(config.views.views) else dataclasses.replace(whole, thumbnails=None))
     return Case(config, tuple(shown), HERE if positions else None)
 
 
+def ordered(activity: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Images of a drive, float32 (n, inputs): each shares something with those beside it, and less with the next."""
+    beside = sum(np.roll(activity, shift, axis=0) for shift in range(-2, 3))
+    return np.asarray(activity + np.float32(SHARE) * beside, np.float32)
+
+
 def file_of(made: Model, folder: Path) -> bytes:
     model.save(made, folder / "m.lvpr")
     return (folder / "m.lvpr").read_bytes()
+
+
+def test_surroundings_change_weights_here() -> None:
+    """Else the maps of that kind would prove nothing."""
+    some = case("surroundings")
+    plain = dataclasses.replace(some, config=update(some.config, {"network": {"surroundings": 0}}))
+    found, without = (integer_model(one.trained(0, PLACES), "comparing") for one in (some, plain))
+    assert np.count_nonzero(found.network.weights != without.network.weights) > 100
 
 
 @pytest.mark.quick(9)
