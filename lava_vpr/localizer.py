@@ -181,6 +181,8 @@ class Localizer:
         how: Any = {"names": [f"{word} {self._calls}" if name is None else name], "standard": model.standard}
         self._calls += 1
         check_arguments(stamp=stamp, odometry=odometry, name=name)
+        if odometry is not None and self._answerer.filter is not None:
+            self._answerer.filter.check_odometry(odometry)
         seen = encode_arrays([image], model.config.encoder, self._views, **how, framing=self._framing)
         shown = self._asker.presentations(seen)
         counts = summed(self._backend.count_spikes(self._model, shown)[0], self._asking.views)

@@ -162,7 +162,7 @@ class ForwardFilter:
         if scores.shape != self.alone.shape:
             raise InputError(f"scores of shape {scores.shape} for {len(self.alone)} places; use one model throughout")
         if odometry is not None:
-            self._check_odometry(odometry)
+            self.check_odometry(odometry)
         pace, timed = self.timed(stamp)
         if not moving and self.begun:
             return replace(timed.moved(odometry), evidence=np.ones(len(scores))) if odometry else timed
@@ -187,8 +187,12 @@ class ForwardFilter:
         follows = usual + _USUAL * (min(passed, 2.0 * usual) - usual)
         return min(passed / usual, _LONGEST), replace(self, stamp=stamp, interval=follows)
 
-    def _check_odometry(self, metres: float) -> NDArray[np.float64]:
-        """Metres along the route of each place, where ``metres`` can be used with them."""
+    def check_odometry(self, metres: float) -> NDArray[np.float64]:
+        """Metres along the route of each place, where ``metres`` can be used with them.
+
+        Raises:
+            InputError: they cannot: the places have no positions, or that is no finite number.
+        """
         if self.along is None:
             raise InputError("odometry needs a map with positions; train it with --positions, or leave odometry out")
         if not np.isfinite(metres):
@@ -216,7 +220,7 @@ class ForwardFilter:
 
     def _driven(self, tracks: NDArray[np.float64], metres: float) -> NDArray[np.float64]:
         """Where ``metres`` along the route take ``tracks``, either way; their speed is what was driven, then."""
-        along, shifts = self._check_odometry(metres), speeds_of(self.motion).shifts
+        along, shifts = self.check_odometry(metres), speeds_of(self.motion).shifts
         last, driven = (len(along) - 1) * POSITIONS, np.zeros_like(tracks)
         where = np.interp(np.arange(last + 1) / POSITIONS, np.arange(len(along)), along)
         for way in np.unique(np.sign(shifts)):

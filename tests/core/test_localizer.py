@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import math
 import os
 import pickle
@@ -206,6 +207,18 @@ def test_times_that_cannot_be_are_told_with_the_match(winter: Images, route: Mod
     assert [match.time_fault for match in said] == [None, "backwards", "not a number", "backwards", None]
     assert [match.values()["time"] for match in said] == [5.0, 4.0, None, -1.0, 6.0]
     assert "time_fault" not in said[0].values()
+
+
+def test_what_is_refused_changes_nothing(winter: Images, route: Model) -> None:
+    """Odometry on a map without positions; and an image that is none."""
+    asked, spared = (Localizer(dataclasses.replace(route, positions=None, frame=None)) for _ in range(2))
+    for number, image in enumerate(winter[:6]):
+        for wrong, odometry in ((winter[-1 - number], 1.0), (np.zeros((4, 4)), None)):
+            with pytest.raises(InputError):
+                asked.update(wrong, odometry=odometry)
+        assert asked.update(image).values() == spared.update(image).values()
+    assert asked._asker._adaptation is not None
+    np.testing.assert_array_equal(asked._asker._adaptation.mean, spared._asker._adaptation.mean)
 
 
 def test_an_image_that_is_refused_is_called_by_its_number_or_name(winter: Images, route: Model) -> None:
