@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from lava_vpr.report.data import MapData
 from lava_vpr.report.plots import Mark, followed_drive, route_map
 from lava_vpr.report.sections import bars, heights, sheets
+from lava_vpr.show.numbers import counted
 from lava_vpr.show.page import Section, reproduction, sheet
 from lava_vpr.show.templates import plain, render, safe, text
 
@@ -65,6 +66,11 @@ class AnswersData:
         return bool(np.isfinite(self.probability).any())
 
     @property
+    def refused(self) -> int:
+        """How many matches are probable enough, and not accepted: something speaks against their images."""
+        return int(np.count_nonzero((self.probability >= self.least) & (self.matches >= 0) & ~self.accepted))
+
+    @property
     def what(self) -> str:
         """What is known of how sure a match is."""
         return "probability" if self.probable else "confidence"
@@ -83,7 +89,8 @@ def _header(data: AnswersData) -> str:
     """The head of the page: how many images were recognised, and what decides that."""
     said = ""
     if math.isfinite(data.least):
-        said = f"Matches of a probability of {100 * data.least:.1f} % or more are accepted."
+        but = f", but {counted(data.refused, 'image')} that something speaks against" if data.refused else ""
+        said = f"Matches of a probability of {100 * data.least:.1f} % or more are accepted{but}."
     elif math.isinf(data.least):
         said = "No probability is high enough for the precision that was asked for."
     elif not data.probable:
@@ -100,6 +107,7 @@ def _in_order(data: AnswersData) -> str:
     alt = f"{data.what.capitalize()} of {len(tops)} matches, {int(data.accepted.sum())} of them accepted"
     drawing = bars(tops, np.where(data.accepted, "r", "n"), line, alt)
     dashed = "" if line is None else "; from the dashed line on it is accepted"
+    dashed += ", unless something speaks against the image" if line is not None and data.refused else ""
     return render("answers_order.html", what=data.what, line=dashed, drawing=drawing)
 
 

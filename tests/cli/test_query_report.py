@@ -8,6 +8,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 from support.common.commands import content, fails, images, listed, run
 
@@ -66,6 +68,13 @@ def test_where_probabilities_are_not_known_confidence_stands(words: tuple[str, .
     run("query", "m.lvpr", "query", "--report", "r", *words)
     assert payload()["what"] == "confidence"
     assert ("each image alone" in PAGE.read_text(encoding="utf-8")) == ("--sequence" not in words)
+
+
+def test_a_cause_stands_on_the_page(here: Path) -> None:
+    cv2.imwrite("black.png", np.zeros((48, 64, 3), np.uint8))
+    listed("black.txt", [Path("black.png")] * 24)
+    run("query", "m.lvpr", "black.txt", "--motion", "any", "--report", "r")
+    assert "<div><dt>camera</dt><dd>blank</dd></div>" in PAGE.read_text()
 
 
 def test_other_files_of_the_folder_stay(here: Path) -> None:

@@ -64,6 +64,16 @@ def test_what_is_not_known_is_not_shown() -> None:
     assert "No probability is high enough for the precision" in page(nothing)
 
 
+def test_images_that_something_speaks_against_are_told() -> None:
+    data = example()
+    assert "speaks against" not in page(data)
+    accepted = data.accepted.copy()
+    accepted[-3:] = False
+    text = page(dataclasses.replace(data, accepted=accepted))
+    assert "or more are accepted, but 3 images that something speaks against." in text
+    assert "it is accepted, unless something speaks against the image" in text
+
+
 def test_the_map_says_what_is_known_of_the_images() -> None:
     data = example()
     assert "Each image stands at the place that it was matched with." in page(data)

@@ -91,19 +91,27 @@ def page(path: Path, asked: Asked) -> Iterator[Take]:
     from lava_vpr.report.build import answers_data
 
     command, parts = command_line(click.get_current_context()), list[tuple[Answers, NDArray[Any]]]()
-    accepted = list[bool]()
+    accepted, causes = list[bool](), dict[str, None]()
 
     def take(some: Answered, found: list[Match]) -> None:
         if some.thumbnails is not None:
             parts.append((some.answers._replace(ranking=UNRANKED), some.thumbnails))
         accepted.extend(match.accepted for match in found)
+        causes.update(dict.fromkeys(match.cause for match in found if match.cause is not None))
 
     yield take
     answers = Answers(*(_whole([one[field] for one, _ in parts]) for field in range(5)))
     thumbnails = np.concatenate([images for _, images in parts])
     with stage("writing the report"):
         data = answers_data(
-            asked.model, asked.queries, answers, np.array(accepted), thumbnails, asked.least, command, _facts(asked)
+            asked.model,
+            asked.queries,
+            answers,
+            np.array(accepted),
+            thumbnails,
+            asked.least,
+            command,
+            {**_facts(asked), **({"camera": ", ".join(causes)} if causes else {})},
         )
         write_page(text_of(data), path)
 
