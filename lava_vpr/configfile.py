@@ -23,11 +23,12 @@ _LONGEST_LINE, _LONGEST_NAME = 1000, 60
 def to_dict(config: Config) -> dict[str, Any]:
     """``config`` as nested plain dictionaries, ready for TOML or JSON; without what is off and older files lack."""
 
-    def plain(items: list[tuple[str, Any]]) -> dict[str, Any]:
-        kept = (item for item in items if item != ("surroundings", 0))
-        return {key: value.item() if isinstance(value, np.generic) else value for key, value in kept}
-
-    return dataclasses.asdict(config, dict_factory=plain)
+    made = dataclasses.asdict(
+        config, dict_factory=lambda items: {k: v.item() if isinstance(v, np.generic) else v for k, v in items}
+    )
+    if made["network"].get("surroundings") == 0:
+        del made["network"]["surroundings"]
+    return made
 
 
 def _named(section: str, key: str) -> str:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from benchmarks.learning_pays import encoded
 from benchmarks.places import TEMPLATES, PlacesSection, places, sections_of
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
+from benchmarks.results.rows import TAU
 from lava_vpr.backends.asking import Asking
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
@@ -79,7 +80,7 @@ def found(pair: Asked, config: Config, tolerance: int) -> dict[str, tuple[Metric
     order = np.arange(len(queries))
     truth = truth_from_indices(order, order, tolerance)
     how = {
-        name: dataclasses.replace(DECODERS_ONLY, asking=Asking(adapt=tau)) for name, tau in (("", None), (ADAPTED, 30))
+        name: dataclasses.replace(DECODERS_ONLY, asking=Asking(adapt=tau)) for name, tau in (("", None), (ADAPTED, TAU))
     }
     made = {name: recognise(model, queries, truth, one, pool=Pool(cores())) for name, one in how.items()}
     return {

@@ -1,6 +1,8 @@
 """Cameras that show something else than the places do: bars, turned images, a stuck or black stretch; and places that
-stand in the map twice. Each drive is a `Localizer`'s; where
-the camera is stuck, an odometer says that the robot moves."""
+stand in the map twice.
+
+Each drive is a `Localizer`'s; where the camera is stuck, an odometer says that the robot moves.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +11,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from benchmarks.places import PlacesSection, places
-from benchmarks.robot.drives import DULL, SIZE, Image, painted, queries_of, squeezed
+from benchmarks.robot.drives import DULL, Image, large, painted, squeezed
 from lava_vpr import Localizer
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.engine.presentations import cores
@@ -84,7 +85,7 @@ def twice(model: IntegerModel, section: PlacesSection) -> Model:
 
 def every_camera(model: IntegerModel, section: PlacesSection) -> Iterator[tuple[str, CameraShares]]:
     """All of it by name."""
-    images = [cv2.resize(image, SIZE, interpolation=cv2.INTER_CUBIC) for image in queries_of(section)]
+    images = large(section)
     n = len(images)
     yield "none", seen(model, images)
     yield "none, `--crop auto`", seen(model, images, AUTO)

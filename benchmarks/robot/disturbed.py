@@ -17,17 +17,15 @@ from functools import partial
 from typing import NamedTuple
 
 import click
-import cv2
 import numpy as np
 
-from benchmarks.places import FOLDERS, PlacesSection, images_of
+from benchmarks.places import FOLDERS, PlacesSection
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from benchmarks.robot.cameras import BARS, TURNED
 from benchmarks.robot.day import percent
-from benchmarks.robot.drives import SIZE, Image, squeezed
+from benchmarks.robot.drives import Image, large, squeezed
 from lava_vpr import Localizer, train
 from lava_vpr.config import preset
-from lava_vpr.traverse import open_traverse
 
 LENGTH, EVERY = 40, 20
 Drive = list[Image]
@@ -54,13 +52,6 @@ DISTURBANCES: dict[str, Disturb] = {
 PARTS = ("accepted / right of those", "drives named")
 SHARED = "20 % above, painted"
 """What disturbs the references, too, in the last row."""
-
-
-def large(section: PlacesSection, which: int) -> Drive:
-    """References (0) or queries (1) of a section at 640 x 320."""
-    traverse = open_traverse(images_of(section.dataset, FOLDERS[section.dataset][which]))
-    places = range(section.first, section.end)
-    return [cv2.resize(traverse.load(place), SIZE, interpolation=cv2.INTER_CUBIC) for place in places]
 
 
 class DrivenFigures(NamedTuple):

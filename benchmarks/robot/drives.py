@@ -55,10 +55,15 @@ def with_stops(places: int) -> Frames:
     return np.concatenate([np.full(1 + STOP * (place % EVERY == EVERY // 2), place) for place in range(places)])
 
 
-def queries_of(section: PlacesSection) -> list[Image]:
-    """The query images of a section, in order."""
-    source = open_traverse(images_of(section.dataset, FOLDERS[section.dataset][1]))
+def queries_of(section: PlacesSection, which: int = 1) -> list[Image]:
+    """The query images (1) of a section, or its references (0), in order."""
+    source = open_traverse(images_of(section.dataset, FOLDERS[section.dataset][which]))
     return [source.load(k) for k in range(section.first, section.end)]
+
+
+def large(section: PlacesSection, which: int = 1) -> list[Image]:
+    """`queries_of` a section at `SIZE`."""
+    return [cv2.resize(image, SIZE, interpolation=cv2.INTER_CUBIC) for image in queries_of(section, which)]
 
 
 def shown_of(model: Model, images: Iterator[Image]) -> Presentations:

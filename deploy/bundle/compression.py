@@ -156,7 +156,7 @@ def with_settings(model: Model, changes: Changes) -> Model:
 def distinctive(model: Model) -> NDArray[np.float64]:
     """Weights to quantise, from those that ``model`` has learned, under its settings."""
     network = integer_model(model, PURPOSE).config.network
-    parts = shown_references(model.stretches, model.activity, model.config)
+    parts = shown_references(model.stretches, model.activity, model.config) if network.surroundings else ()
     return quantise.distinctive(model.learned, network, parts)
 
 

@@ -111,10 +111,8 @@ class Season:
 
     def after(self, confidence: float, sure: bool) -> Season:
         """The state after an answer with this confidence, -inf where nothing matched."""
-        margins, last = (
-            np.append(self.margins, max(confidence, -1.0))[-MARGINS:],
-            np.append(self.sure, np.uint8(sure))[-RECENT:],
-        )
+        margins = np.append(self.margins, max(confidence, -1.0))[-MARGINS:]
+        last = np.append(self.sure, np.uint8(sure))[-RECENT:]
         return replace(self, margins=margins, sure=last, answered=self.answered + 1)
 
     def learned(self, matched: NDArray[np.int64], query: NDArray[np.int64], variance: NDArray[np.int64]) -> Season:
