@@ -190,10 +190,10 @@ class Localizer:
         stamps = None if stamp is None else np.array([stamp], np.float64)
         scores = self._scores_of(counts)
         self._answerer, answers = self._answerer.step(scores, moving, odometry, stamps)
-        self._asker.learn(answers)
+        signs = [self._doubts.sign(seen[0].activity[0], stamp, odometry)]
+        self._asker.learn(answers, signs)
         self._scores = scores[0]
         good = accepted(answers, self._least)
-        signs = [self._doubts.sign(seen[0].activity[0], stamp, odometry)]
         (match,) = matches_of(
             self._model, answers, good, counts, radius=self._together.radius, top=CANDIDATES, stamps=stamps, signs=signs
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ from lava_vpr.backends.interface import Advance, Backend, Presentations
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.encoding import EncodedTraverse, Keep, encoded_batches
 from lava_vpr.engine.adaptation import Motion
+from lava_vpr.framing import NO_CROP
 from lava_vpr.inputs.doubts import Doubts, Sign, signs_of
 from lava_vpr.matches import likeness_of
 from lava_vpr.matching import sequences
@@ -28,12 +29,13 @@ BATCH = 256
 
 
 class Turn(NamedTuple):
-    """Some queries that were answered together: spike counts int32 (n, neurons), scores (n, places), answers, which of
-    these taught, bool (n,), and the queries, straight ahead."""
+    """Some queries that were answered together: spike counts int32 (n, neurons), scores (n, places), answers, what
+    speaks against each query, which of the answers taught, bool (n,), and the queries, straight ahead."""
 
     counts: NDArray[np.int32]
     scores: NDArray[np.float64]
     answers: Answers
+    signs: list[Sign]
     taught: NDArray[np.bool_]
     seen: EncodedTraverse
 
@@ -45,7 +47,7 @@ def in_turn(
     backend: Backend,
     together: Together,
     calls: int = 1,
-    stamps: Callable[[range], NDArray[np.float64] | None] = lambda rows: None,
+    traverse: Traverse | None = None,
 ) -> Iterator[Turn]:
     """Answer batch after batch of queries, and let the answers teach.
 
@@ -56,13 +58,14 @@ def in_turn(
         backend: Counts the spikes.
         together: How queries are matched with those before them.
         calls: Batches whose spikes are counted together.
-        stamps: When queries with these numbers were taken, in seconds, float64 (n,); None: unknown.
+        traverse: The images, of which times and positions are taken; None: there are none.
     Raises:
         ConfigError: answers cannot teach, as they have no probabilities.
     """
     asker.asking.check_together(together)
     state, motion = Answerer.of(model.config.decoder.default, model.places, together), Motion()
     scores_of, first, shown = prepare(model), 0, asker.in_turn(batches)
+    doubts = Doubts(likeness_of(model), framed=asker.asking.crop != NO_CROP)
     while group := list(islice(shown, calls)):
         counts, _ = backend.count_spikes(model, Presentations.joined([asked for _, asked in group]))
         ends = np.cumsum([len(asked.rates) for _, asked in group])
@@ -70,8 +73,11 @@ def in_turn(
             some = summed(of_batch, asker.asking.views)
             moving = None if together.motion == NONE else motion.moving(asked.seen[: len(some)])
             scores = scores_of(some)
-            state, answers = state.step(scores, moving, stamps=stamps(range(first, first + len(some))))
-            yield Turn(some, scores, answers, asker.learn(answers), seen)
+            part = None if traverse is None else traverse.take(range(first, first + len(some)))
+            stamps, positions = (None, None) if part is None else (part.stamps, part.positions)
+            state, answers = state.step(scores, moving, stamps=stamps)
+            signs = signs_of(doubts, seen.activity, stamps, None if positions is None else positions.points())
+            yield Turn(some, scores, answers, signs, asker.learn(answers, signs), seen)
             first += len(some)
 
 
@@ -152,13 +158,10 @@ def answer_stream(
         keep,
         framing,
     )
-    doubts = Doubts(likeness_of(model), framed=framing is not None)
-    first, stamps = 0, lambda rows: traverse.take(rows).stamps
-    for turn in in_turn(model, asker, batches, chosen, together, 1 if asking.learn else calls, stamps):
+    first = 0
+    for turn in in_turn(model, asker, batches, chosen, together, 1 if asking.learn else calls, traverse):
         if pace is not None:
             pace.update(turn.scores)
         part = traverse.take(range(first, first + len(turn.counts)))
-        points = None if part.positions is None else part.positions.points()
-        signs = signs_of(doubts, turn.seen.activity, part.stamps, points)
-        yield Answered(part, turn.answers, turn.counts, signs, turn.seen.thumbnails)
+        yield Answered(part, turn.answers, turn.counts, turn.signs, turn.seen.thumbnails)
         first += len(part)

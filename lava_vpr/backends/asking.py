@@ -23,6 +23,7 @@ from lava_vpr.engine.adaptation import Adaptation, Motion, RunningMean
 from lava_vpr.engine.gains import Season
 from lava_vpr.errors import ConfigError
 from lava_vpr.framing import NO_CROP, OfQueries, check_crop
+from lava_vpr.inputs.doubts import Sign
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.views import View, ViewsConfig
 from lava_vpr.matching.answers import Answers, Together
@@ -170,11 +171,16 @@ class Asker:
             shown = [replace(part, bias=bias) for part in shown]
         return Presentations.joined(shown)
 
-    def learn(self, answers: Answers) -> NDArray[np.bool_]:
-        """Let the answers to the queries of the last `presentations` teach, if they shall; which did, bool (n,)."""
+    def learn(self, answers: Answers, signs: Sequence[Sign]) -> NDArray[np.bool_]:
+        """Let the answers to the queries of the last `presentations` teach, if they shall; which did, bool (n,).
+
+        Args:
+            answers: The n answers.
+            signs: What speaks against each of the queries: those that are doubtful teach nothing.
+        """
         if self.learner is None or not self.asking.learn:
             return np.zeros(len(answers.matches), np.bool_)
-        return self.learner.learn(answers)
+        return self.learner.learn(answers, np.array([sign.doubtful for sign in signs]))
 
 
 def summed(counts: NDArray[np.int32], views: int) -> NDArray[np.int32]:

@@ -75,10 +75,10 @@ class Learner:
             replace(part, rates=rates, bias=bias, plain=part.rates) for part, rates in zip(shown, under, strict=True)
         ]
 
-    def learn(self, answers: Answers) -> NDArray[np.bool_]:
-        """Let the answers to the last queries teach; which of them did, bool (n,)."""
+    def learn(self, answers: Answers, doubtful: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Let the answers to the last queries teach, not those to ``doubtful`` ones (n,); which did, bool (n,)."""
         season, reference, asked, tracked = self.season, self._reference, self._asked, answers.off_map is not None
-        sure = (answers.matches >= 0) & (answers.probability >= (TRACKED if tracked else ALONE))
+        sure = (answers.matches >= 0) & (answers.probability >= (TRACKED if tracked else ALONE)) & ~doubtful
         seen, taught = asked.rates - expected(asked.means, reference), np.zeros(len(sure), np.bool_)
         for i, place in enumerate(answers.matches.tolist()):
             season = season.after(float(answers.confidence[i]), bool(sure[i]))

@@ -130,6 +130,24 @@ def test_eval_tells_what_taught_and_how_much_of_it_was_wrong(here: Path) -> None
     assert "answers taught" in said
 
 
+@pytest.mark.parametrize("motion", ["none", "any"])
+def test_what_speaks_against_an_image_keeps_it_from_teaching(here: Path, motion: str) -> None:
+    painted = [read_image(path) for path in images("query")]
+    Path("painted").mkdir()
+    for number, image in enumerate(painted):
+        image[: len(image) // 5] = 0
+        cv2.imwrite(f"painted/{number}.png", image)
+    robot = Localizer("m.lvpr", motion, learn=True)
+    assert all(robot.update(image).unlike >= 1 for image in painted)
+    learned = robot.season
+    assert learned is not None
+    assert (learned.answered, learned.taught) == (8, 0)
+    (turn,) = answer_stream(load("m.lvpr"), open_traverse("painted"), together=Together(motion=motion))
+    assert all(sign.doubtful for sign in turn.signs)
+    taught = figures("painted", "--learn", "--motion", motion)["taught"]
+    assert {name: some["answers"] for name, some in taught.items()} == dict.fromkeys(taught, 0)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -15,10 +15,12 @@ from lava_vpr.backends.season import unlearned
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine import gains
 from lava_vpr.engine.gains import FULL, Reference, Season, gains_of, weighed
+from lava_vpr.inputs.doubts import Sign
 from lava_vpr.matching.answers import Answers
 from lava_vpr.model import integer_model
 
 TAU, QUERIES = 7.0, 40
+NOTHING = [Sign()] * 60
 LEARNING = Asking(adapt=TAU, learn=True)
 
 
@@ -84,7 +86,8 @@ def test_a_drive_is_the_literal_one(monkeypatch: pytest.MonkeyPatch, tracked: bo
         rows = slice(start, start + len(shown.rates))
         for row, found in zip(seen[rows], zip(shown.seen, shown.rates, shown.bias, strict=True), strict=True):
             assert [values.tolist() for values in found] == list(row)
-        assert asker.learn(part(answers, rows)).tolist() == taught[rows]
+        some = part(answers, rows)
+        assert asker.learn(some, NOTHING[: len(shown.rates)]).tolist() == taught[rows]
         start, sizes = rows.stop, [*sizes, len(shown.rates)]
     season = asker.learner.season
     assert start == QUERIES
@@ -101,7 +104,7 @@ def test_what_lasts_is_trusted_and_what_changes_is_not() -> None:
     start = 0
     for _, shown in asker.in_turn([(drive(n),)]):
         rows = slice(start, start := start + len(shown.rates))
-        asker.learn(part(sure, rows))
+        asker.learn(part(sure, rows), NOTHING[: len(shown.rates)])
     learned = asker.learner.season.gains.astype(float)
     assert learned[::2].mean() > learned[1::2].mean() + 4
     assert asker.learner.season.answered == n
@@ -129,12 +132,12 @@ def test_noise_is_the_image_s_own_under_any_gains() -> None:
     assert not under.rates[:, half.gains == 0].any()
 
 
-def taught_by(answers: Answers, asked: EncodedTraverse) -> int:
+def taught_by(answers: Answers, asked: EncodedTraverse, *, doubtful: bool = False) -> int:
     """How many of the answers teach."""
     steady = dataclasses.replace(unlearned(integer_model(small_model(), "a test")), sure=np.ones(30, np.uint8))
     asker = Asker(small_model(), dataclasses.replace(LEARNING, season=steady))
     asker.presentations((asked,))
-    return int(asker.learn(answers).sum())
+    return int(asker.learn(answers, [Sign(doubtful=doubtful)] * len(asked)).sum())
 
 
 @pytest.mark.parametrize(
@@ -155,12 +158,17 @@ def test_what_is_not_sure_teaches_nothing(answers: Answers, repeated: bool) -> N
     assert taught_by(answers, asked) == int(repeated)  # the first of them is new
 
 
+def test_what_is_doubtful_teaches_nothing() -> None:
+    sure = Answers(np.zeros(10, np.int64), np.ones(10), np.ones(10), np.zeros(10))
+    assert [taught_by(sure, drive(10), doubtful=against) for against in (False, True)] == [10, 0]
+
+
 def test_off_the_map_few_answers_are_sure_and_none_teaches() -> None:
     """The sure ones among them are as sure as can be: a quarter of all, after a stretch on the map."""
     asker, n = Asker(small_model(), LEARNING), 200
     chance = np.where((np.arange(n) < 50) | (np.arange(n) % 4 == 0), 1.0, 0.1)
     asker.presentations((drive(n),))
-    taught = asker.learn(Answers(np.arange(n) % 8, np.ones(n), chance))
+    taught = asker.learn(Answers(np.arange(n) % 8, np.ones(n), chance), [Sign()] * n)
     assert taught[10:50].all()
     assert not taught[80:].any()
 
