@@ -139,7 +139,7 @@ class Localizer:
     @property
     def season(self) -> Season | None:
         """What is known of the season; None where nothing is learned, and nothing was."""
-        return None if self._asker.learner is None else self._asker.learner.season
+        return self._asker.season
 
     def reset(self) -> None:
         """Forget the images so far: the next may be anywhere, on the map or off it.

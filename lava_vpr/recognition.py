@@ -20,6 +20,7 @@ from lava_vpr.backends.rivals import Rivals, Scored, chosen as rivals_of, decode
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.adaptation import Adaptation, Motion
+from lava_vpr.engine.gains import Season
 from lava_vpr.matching import sequences
 from lava_vpr.matching.answers import Answers, Followed, Held, InBlocks, Together, follow, hold
 from lava_vpr.matching.decoders import DECODERS
@@ -45,6 +46,8 @@ class Recognition:
             empty unless that was asked for. Everything else is without.
         learned: Figures of the default decoder where it adapts and answers teach; empty unless that was asked for.
         taught: How many answers taught, and how many of those were wrong, by `SINGLE` and `FILTERED`.
+        season: What was known of the season after the last query, filtered if a motion was given; None: it did not
+            count.
         followed: Figures of the default decoder's scores once a filter has followed the queries: `FILTERED`, and
             `SMOOTHED`, which also looks ahead; empty unless a motion was given.
         truth: bool (n, places).
@@ -64,6 +67,7 @@ class Recognition:
     adapted: dict[str, Metrics]
     learned: dict[str, Metrics]
     taught: dict[str, tuple[int, int]]
+    season: Season | None = field(repr=False)
     followed: dict[str, Metrics]
     truth: NDArray[np.bool_] = field(repr=False)
     matches: NDArray[np.int64] = field(repr=False)
@@ -207,13 +211,14 @@ def recognise(
     tracking, known = asking.tracking(model, comparison.motion), comparison.calibration
     learned: dict[str, Metrics] = {}
     taught: dict[str, tuple[int, int]] = {}
+    season: Season | None = None
     if tracking.gained and (known is not None or comparison.motion == NONE or not asking.learn):
-        scores, taught[SINGLE] = teaching(tracking, Together(sequence, NONE, known, off_map))
+        scores, taught[SINGLE], season = teaching(tracking, Together(sequence, NONE, known, off_map))
         learned = {default: hold(default, scores, truth, Together(sequence)).metrics}
     if comparison.motion != NONE and sequence == 1:
         moving, by = Motion().moving(shown.rates[: len(queries)]), Together(1, comparison.motion, known, off_map)
         if tracking.gained:
-            scores, taught[FILTERED] = teaching(tracking, by)
+            scores, taught[FILTERED], season = teaching(tracking, by)
         else:
             scores = decoded(model, counts, default) if tracking.adapt is None else adapting(tracking.adapt)
         followed = follow(default, scores, truth, by, moving)
@@ -227,6 +232,7 @@ def recognise(
         adapted={name: one.metrics for name, one in adapted.items()},
         learned=learned,
         taught=taught,
+        season=season,
         followed={} if followed is None else {FILTERED: followed.filtered, SMOOTHED: followed.smoothed},
         truth=truth,
         matches=answers.matches,
@@ -268,12 +274,13 @@ def _taught(
     truth: NDArray[np.bool_],
     asking: Asking,
     together: Together,
-) -> tuple[InBlocks, tuple[int, int]]:
-    """The scores of the default decoder where answers teach, or have; how many did, and how many of these wrong."""
+) -> tuple[InBlocks, tuple[int, int], Season | None]:
+    """The scores of the default decoder where answers teach, or have; how many did, and how many of these wrong; and
+    what is known of the season at the end."""
     model, asker = rivals.model, Asker(rivals.model, asking, rivals.shown.seed)
     turns = list(in_turn(model, asker, [(rivals.queries, *further)], backend, together))
     counts = np.concatenate([turn.counts for turn in turns])
-    return decoded(model, counts, model.config.decoder.default), teachers(turns, truth)
+    return decoded(model, counts, model.config.decoder.default), teachers(turns, truth), turns[-1].season
 
 
 def _adapted_matchers(rivals: Rivals, adapting: Callable[[float], InBlocks]) -> Iterator[Scored]:

@@ -79,10 +79,14 @@ SETTINGS: Mapping[str, Sequence[float]] = {
 
 
 class Drive(NamedTuple):
-    """A traverse that was answered: its turns, and what was known of the season at its end."""
+    """A traverse that was answered, turn by turn."""
 
     turns: list[Turn]
-    season: Season | None
+
+    @property
+    def season(self) -> Season | None:
+        """What was known of the season at its end."""
+        return self.turns[-1].season
 
     @property
     def scores(self) -> NDArray[np.float64]:
@@ -110,8 +114,7 @@ def driven(model: Model, way: SeasonedMap, asking: Asking, motion: str = NONE) -
     """What ``model`` answers to the other season of ``way``."""
     asker, queries = Asker(model, asking), places(way.section, 1 - way.season, model.config)
     together = Together(1, motion, calibration_of(model, Pool(cores())))
-    turns = list(in_turn(model, asker, [queries], HostBackend(Pool(cores())), together))
-    return Drive(turns, None if asker.learner is None else asker.learner.season)
+    return Drive(list(in_turn(model, asker, [queries], HostBackend(Pool(cores())), together)))
 
 
 def truth_of(way: SeasonedMap) -> NDArray[np.bool_]:

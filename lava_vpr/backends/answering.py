@@ -15,6 +15,7 @@ from lava_vpr.backends.interface import Advance, Backend, Presentations
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.encoding import EncodedTraverse, Keep, encoded_batches
 from lava_vpr.engine.adaptation import Motion
+from lava_vpr.engine.gains import Season
 from lava_vpr.framing import NO_CROP
 from lava_vpr.inputs.doubts import Doubts, Sign, signs_of
 from lava_vpr.matches import likeness_of
@@ -30,13 +31,15 @@ BATCH = 256
 
 class Turn(NamedTuple):
     """Some queries that were answered together: spike counts int32 (n, neurons), scores (n, places), answers, what
-    speaks against each query, which of the answers taught, bool (n,), and the queries, straight ahead."""
+    speaks against each query, which of the answers taught, bool (n,), what is known of the season afterwards (None: it
+    does not count), and the queries, straight ahead."""
 
     counts: NDArray[np.int32]
     scores: NDArray[np.float64]
     answers: Answers
     signs: list[Sign]
     taught: NDArray[np.bool_]
+    season: Season | None
     seen: EncodedTraverse
 
 
@@ -77,7 +80,8 @@ def in_turn(
             stamps, positions = (None, None) if part is None else (part.stamps, part.positions)
             state, answers = state.step(scores, moving, stamps=stamps)
             signs = signs_of(doubts, seen.activity, stamps, None if positions is None else positions.points())
-            yield Turn(some, scores, answers, signs, asker.learn(answers, signs), seen)
+            taught = asker.learn(answers, signs)
+            yield Turn(some, scores, answers, signs, taught, asker.season, seen)
             first += len(some)
 
 
@@ -97,12 +101,14 @@ class Answered(NamedTuple):
         counts: Their spike counts, int32 (n, neurons).
         thumbnails: The queries as pages show them, uint8 (n, 48, 64, 3) BGR; None unless they were to be kept.
         signs: What speaks against each of them.
+        season: What is known of the season after them; None: it does not count.
     """
 
     images: Traverse
     answers: Answers
     counts: NDArray[np.int32]
     signs: list[Sign]
+    season: Season | None
     thumbnails: NDArray[np.uint8] | None = None
 
 
@@ -163,5 +169,5 @@ def answer_stream(
         if pace is not None:
             pace.update(turn.scores)
         part = traverse.take(range(first, first + len(turn.counts)))
-        yield Answered(part, turn.answers, turn.counts, turn.signs, turn.seen.thumbnails)
+        yield Answered(part, turn.answers, turn.counts, turn.signs, turn.season, turn.seen.thumbnails)
         first += len(part)

@@ -146,6 +146,11 @@ class Asker:
         elif asking.adapt is not None:
             self._adaptation = Adaptation(integer_model(model, "--adapt").network, asking.adapt)
 
+    @property
+    def season(self) -> Season | None:
+        """What is known of the season; None: all inputs count alike."""
+        return None if self.learner is None else self.learner.season
+
     def in_turn(self, batches: Iterable[Sequence[EncodedTraverse]]) -> Iterator[tuple[EncodedTraverse, Presentations]]:
         """Batch after batch of queries and their `presentations`; where they teach, as many at a time as cannot change
         the gains before the last of them is answered."""

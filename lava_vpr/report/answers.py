@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.report import season
 from lava_vpr.report.data import MapData
 from lava_vpr.report.plots import Mark, followed_drive, route_map
+from lava_vpr.report.season import Trusted
 from lava_vpr.report.sections import bars, heights, sheets
 from lava_vpr.show.numbers import counted
 from lava_vpr.show.page import Section, reproduction, sheet
@@ -41,6 +43,7 @@ class AnswersData:
         off_map, followed: A forward filter's probability that the query is off the map, and that the filter follows the
             robot, float64 (n,); None without a filter.
         map: Where places and queries were taken; None if that is not known of the places.
+        season: What is known of the season after the last query; None: it does not count.
     """
 
     command: str
@@ -59,6 +62,7 @@ class AnswersData:
     off_map: NDArray[np.float64] | None = None
     followed: NDArray[np.float64] | None = None
     map: MapData | None = None
+    season: Trusted | None = None
 
     @property
     def probable(self) -> bool:
@@ -156,6 +160,7 @@ def page(data: AnswersData) -> str:
         Section("drive", "Drive", [_drive(data)], "Through the map", _DRIVE),
         Section("map", "Map", [_map(data)], "Map", _MAP.format(_of_positions(data.map))),
         Section("pairs", "Pairs", [render("answers_pairs.html", what=data.what)]),
+        season.section(data.season),
         reproduction(data.command),
     )
     script = f"\n{text('sprite.js')}\n{text('answers.js')}\n"

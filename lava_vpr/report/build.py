@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.configfile import to_toml
 from lava_vpr.encoding import EncodedTraverse, query_rates16
+from lava_vpr.engine.gains import Season
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.inputs.encoder import INPUTS, Keep
@@ -19,6 +20,7 @@ from lava_vpr.positions.frames import joined
 from lava_vpr.recognition import Recognition
 from lava_vpr.report.answers import AnswersData
 from lava_vpr.report.data import MapData, Raster, ReportData
+from lava_vpr.report.season import Trusted
 from lava_vpr.traverse import Traverse
 from lava_vpr.truth.alignment import NEAR_M, Located, PositionErrors
 
@@ -81,6 +83,7 @@ def report_data(
         map=None if errors is None else map_of(errors.located, n, places, errors.in_words()),
         trust=result.trust,
         followed=result.followed,
+        season=Trusted.of(model, result.season),
     )
 
 
@@ -93,6 +96,7 @@ def answers_data(
     least: float,
     command: str,
     summary: Mapping[str, str],
+    season: Season | None = None,
 ) -> AnswersData:
     """Everything that the page of ``query`` shows.
 
@@ -103,6 +107,7 @@ def answers_data(
         accepted: Which are accepted, bool (n,).
         thumbnails: The queries, small, uint8 (n, h, w, 3) BGR.
         least, command, summary: As in `AnswersData`.
+        season: What is known of the season after the last of them; None: it does not count.
     """
     return AnswersData(
         command,
@@ -121,6 +126,7 @@ def answers_data(
         answers.off_map,
         answers.followed,
         _answers_map(model, queries, answers),
+        Trusted.of(model, season),
     )
 
 

@@ -10,10 +10,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import ConfigError
-from lava_vpr.inputs.encoder import INPUTS
-from lava_vpr.model import Model
-
 # Below this many pixels PNG costs little and keeps every pixel of what the network sees.
 _LOSSLESS_PIXELS = 4096
 _JPEG_QUALITY = 88
@@ -67,25 +63,6 @@ def as_png(image: NDArray[np.uint8]) -> bytes:
     return bytes(cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 9])[1].tobytes())
 
 
-def trusted(model: Model, gains: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """What ``model`` trusts under ``gains`` (inputs,): the image of its middle place, yellow where gains are high on
-    average and blue where they are low, uint8 (480, 640, 3) BGR.
-
-    Raises:
-        ConfigError: its inputs see no image.
-    """
-    encoder = model.config.encoder
-    if INPUTS[encoder.kind].sees == "vector":
-        raise ConfigError("vectors show no image that gains could be drawn over")
-    channels, grid, _ = encoder.layout
-    means = gains.reshape(channels, grid, grid).mean(axis=0, dtype=np.float32)
-    levels = np.rint(255 * means / max(float(means.max()), 1.0)).astype(np.uint8)
-    colours = cv2.applyColorMap(cv2.resize(levels, _PICTURE, interpolation=cv2.INTER_NEAREST), cv2.COLORMAP_CIVIDIS)
-    image = cv2.resize(model.thumbnails[model.places // 2], _PICTURE, interpolation=cv2.INTER_CUBIC)
-    return np.asarray(cv2.addWeighted(image, 0.5, colours, 0.5, 0), np.uint8)
-
-
-_PICTURE = (640, 480)
 _PIXELS, _CHARACTERS = 2_000_000, 500_000
 
 

@@ -23,6 +23,7 @@ from lava_vpr.engine import gains
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.images.imagefiles import read_image
 from lava_vpr.matching.answers import Together
+from lava_vpr.report.season import Trusted, gains_table, section
 from lava_vpr.storage import container
 from lava_vpr.traverse import open_traverse
 
@@ -128,6 +129,22 @@ def test_eval_tells_what_taught_and_how_much_of_it_was_wrong(here: Path) -> None
     said = run("eval", "m.lvpr", "query", "--learn", "--motion", "none").stdout
     assert "contrast, gains" in said
     assert "answers taught" in said
+
+
+def test_pages_show_what_is_trusted(here: Path) -> None:
+    ways = {"query": ("--motion", "any"), "eval": ("--baseline", "template")}
+    for command, words in ways.items():
+        for how, there in ((("--learn",), True), ((), False)):
+            run(command, "m.lvpr", "query", *words, *how, "--report", "r")
+            text = Path("r", {"query": "query.html", "eval": "report.html"}[command]).read_text()
+            assert ("What the map has learned to trust" in text) == there
+            assert ("8 answers, of which" in text) == ("yellow where inputs are trusted" in text) == there
+
+
+def test_of_vectors_no_picture_is_drawn() -> None:
+    html = section(Trusted(gains_table(gains.Season.start(6)), None)).html()
+    assert "0 answers, of which 0 taught" in html
+    assert "<img" not in html
 
 
 @pytest.mark.parametrize("motion", ["none", "any"])

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 
 import click
-import numpy as np
 
 from lava_vpr import model as model_file
 from lava_vpr.backends.asking import open_model
@@ -14,15 +12,10 @@ from lava_vpr.backends.season import check_season, load, save, unlearned
 from lava_vpr.cli.common import PATH, stage
 from lava_vpr.cli.outputs import Outputs, file_writer, show_results
 from lava_vpr.deploy.bundle.compression import under_gains
-from lava_vpr.engine.gains import FULL, Season
 from lava_vpr.engine.presentations import cores
 from lava_vpr.model import Model, integer_model
-from lava_vpr.report.images import as_png, trusted
-from lava_vpr.show.numbers import percent
-from lava_vpr.show.table import Table
-
-_BOUNDS = (0, 1, 4, 8, 12, FULL + 1)
-
+from lava_vpr.report.images import as_png
+from lava_vpr.report.season import gains_table, trusted
 
 applied_option = click.option(
     "--season",
@@ -81,15 +74,4 @@ def season(
         model_file.save(applied(model, path), target)
     if forget:
         save(unlearned(model), path)
-    show_results([_table(known)], {})
-
-
-def _table(known: Season) -> Table:
-    """How many inputs have which gain."""
-    rows = []
-    for first, end in itertools.pairwise(_BOUNDS):
-        inputs = int(np.count_nonzero((known.gains >= first) & (known.gains < end)))
-        name = f"{first}" if end == first + 1 else f"{first} to {end - 1}"
-        rows.append((name, f"{inputs:,}", percent(inputs / known.gains.size)))
-    notes = (f"{known.answered:,} answers, of which {known.taught:,} taught",)
-    return Table((f"gain, of {FULL}", "inputs", "%"), rows, notes, "what survives the season")
+    show_results([gains_table(known)], {})

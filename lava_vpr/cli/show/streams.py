@@ -18,6 +18,7 @@ from lava_vpr.cli import common
 from lava_vpr.cli.common import PATH, console, noun, stage
 from lava_vpr.cli.outputs import Outputs, command_line, file_writer, text_writer, write_stdout
 from lava_vpr.encoding import Keep
+from lava_vpr.engine.gains import Season
 from lava_vpr.errors import shown
 from lava_vpr.exchange.predictions import prediction_writer
 from lava_vpr.matches import Match
@@ -91,11 +92,12 @@ def page(path: Path, asked: Asked) -> Iterator[Take]:
     from lava_vpr.report.build import answers_data
 
     command, parts = command_line(click.get_current_context()), list[tuple[Answers, NDArray[Any]]]()
-    accepted, causes = list[bool](), dict[str, None]()
+    accepted, causes, seasons = list[bool](), dict[str, None](), list[Season | None]()
 
     def take(some: Answered, found: list[Match]) -> None:
         if some.thumbnails is not None:
             parts.append((some.answers._replace(ranking=UNRANKED), some.thumbnails))
+        seasons[:] = [some.season]
         accepted.extend(match.accepted for match in found)
         causes.update(dict.fromkeys(match.cause for match in found if match.cause is not None))
 
@@ -112,6 +114,7 @@ def page(path: Path, asked: Asked) -> Iterator[Take]:
             asked.least,
             command,
             {**_facts(asked), **({"camera": ", ".join(causes)} if causes else {})},
+            seasons[-1],
         )
         write_page(text_of(data), path)
 
