@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
-from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
-from lava_vpr.backends.interface import Advance, Backend, Presentations
+from lava_vpr.backends.asking import PLAINLY, Asker, Asking, calibration_of, summed
+from lava_vpr.backends.interface import Advance, Backend, HostBackend, Presentations
 from lava_vpr.backends.registry import BACKENDS
+from lava_vpr.backends.season import unlearned
+from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, Keep, encoded_batches
 from lava_vpr.engine.adaptation import Motion
 from lava_vpr.engine.gains import Season
@@ -22,7 +24,7 @@ from lava_vpr.matches import likeness_of
 from lava_vpr.matching import sequences
 from lava_vpr.matching.answers import ALONE, Answerer, Answers, Together
 from lava_vpr.matching.forward_filter import NONE
-from lava_vpr.model import Model, prepare
+from lava_vpr.model import Model, integer_model, prepare
 from lava_vpr.traverse import Traverse
 
 BATCH = 256
@@ -51,6 +53,7 @@ def in_turn(
     together: Together,
     calls: int = 1,
     traverse: Traverse | None = None,
+    known: NDArray[np.int64] | None = None,
 ) -> Iterator[Turn]:
     """Answer batch after batch of queries, and let the answers teach.
 
@@ -62,6 +65,7 @@ def in_turn(
         together: How queries are matched with those before them.
         calls: Batches whose spikes are counted together.
         traverse: The images, of which times and positions are taken; None: there are none.
+        known: The place that each query shows, -1 for none, int64 (queries,): this teaches; None: the answers do.
     Raises:
         ConfigError: answers cannot teach, as they have no probabilities.
     """
@@ -80,9 +84,30 @@ def in_turn(
             stamps, positions = (None, None) if part is None else (part.stamps, part.positions)
             state, answers = state.step(scores, moving, stamps=stamps)
             signs = signs_of(doubts, seen.activity, stamps, None if positions is None else positions.points())
-            taught = asker.learn(answers, signs)
+            teaching = answers if known is None else answers.told(known[first : first + len(some)])
+            taught = asker.learn(teaching, signs)
             yield Turn(some, scores, answers, signs, taught, asker.season, seen)
             first += len(some)
+
+
+def paired(model: Model, queries: EncodedTraverse, places: NDArray[np.int64], pool: Pool = ONE_THREAD) -> Season:
+    """What a drive in another season teaches, of whose images the places are known.
+
+    Args:
+        model: A trained model.
+        queries: The images, in driving order, encoded with its settings.
+        places: The place that each shows, -1 for none, int64 (n,).
+        pool: Who counts spikes.
+    Raises:
+        ConfigError: the model has no neurons with biases.
+    """
+    season, asking = unlearned(integer_model(model, "--pairs")), Asking(tracked_adapt=True, learn=True)
+    asking = asking.tracking(model, NONE)
+    asking.check(model)
+    together = Together(calibration=calibration_of(model, pool))
+    for turn in in_turn(model, Asker(model, asking), [(queries,)], HostBackend(pool), together, known=places):
+        season = turn.season or season
+    return season
 
 
 def teachers(turns: Sequence[Turn], truth: NDArray[np.bool_]) -> tuple[int, int]:

@@ -8,7 +8,20 @@ from typing import Any
 import click
 
 from lava_vpr import model as model_file
-from lava_vpr.cli.common import PATH, Number, RegisteredName, console, seed_type, setting_type, stderr, whole_numbers
+from lava_vpr.backends.answering import paired
+from lava_vpr.backends.asking import Asking
+from lava_vpr.backends.season import save as save_season
+from lava_vpr.cli.common import (
+    PATH,
+    Number,
+    RegisteredName,
+    console,
+    encode_queries,
+    seed_type,
+    setting_type,
+    stderr,
+    whole_numbers,
+)
 from lava_vpr.cli.nouns import (
     crop_option,
     dataset_options,
@@ -20,8 +33,9 @@ from lava_vpr.cli.nouns import (
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.learning import TERMINAL
-from lava_vpr.config import PRESETS, Config, LifNetwork, StdpLearning
-from lava_vpr.errors import shown
+from lava_vpr.cluster.tasks import Pool
+from lava_vpr.config import PRESETS, Config, LifNetwork, StdpLearning, integer_config
+from lava_vpr.errors import ConfigError, shown
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.inputs.windows import EventsConfig
@@ -30,6 +44,8 @@ from lava_vpr.model import Model
 from lava_vpr.storage.writing import only_one
 from lava_vpr.training.checkpoint import remove_checkpoint
 from lava_vpr.training.trainers import LEARNING
+from lava_vpr.traverse import Traverse, open_traverse
+from lava_vpr.truth.alignment import shown_places
 
 
 @click.command()
@@ -126,30 +142,84 @@ from lava_vpr.training.trainers import LEARNING
     help="Vectors: measure them by the mean, scale and projection of this model, not their own, so that both can be "
     "merged.",
 )
+@click.option(
+    "--pairs",
+    type=PATH,
+    default=None,
+    metavar="FILE",
+    help="The last REFERENCE is a part of the route in another season: learn no places from it, but which inputs "
+    "survive the season, and write that to FILE (.lvps), which query, eval and watch take as --season.",
+)
+@click.option(
+    "--gt",
+    type=PATH,
+    default=None,
+    metavar="FILE",
+    help="Place of each image of that part, as for eval (default: that with the same file name).",
+)
 @crop_option
 @jobs_option
 @cluster_option
 @click.option("--seed", type=seed_type, default=None, help="Seed of start weights and spikes.  [default: 0]")
 @click.option("--resume", is_flag=True, help="Go on from the checkpoint of a training that was interrupted.")
-def train(references: tuple[str, ...], output: Path, jobs: int | None, address: str | None, **options: Any) -> None:
+def train(
+    references: tuple[str, ...],
+    output: Path,
+    jobs: int | None,
+    address: str | None,
+    pairs: Path | None,
+    gt: Path | None,
+    **options: Any,
+) -> None:
     """Learn the places of a route.
 
     REFERENCE is a folder of images (naturally sorted), a text or CSV list of image files, or a video; or a file of
     vectors (.npy, .npz, .h5), one for each image, which another program made of them. Several are several traverses of
     the same route, where image i of each shows place i. With positions of each they may differ in length: the images
-    nearest to the places of the first are taken. With --dataset, REFERENCE is the folder that holds a benchmark dataset
+    nearest to the places of the first are taken. With --pairs, the last REFERENCE shows some of these places in another
+    season. With --dataset, REFERENCE is the folder that holds a benchmark dataset
     (lava-vpr datasets). While it learns, progress is kept beside MODEL in a .checkpoint file,
     from which --resume goes on.
     """
     checkpoint = output.with_name(output.name + ".checkpoint")
-    training = Training.of(references, checkpoint=checkpoint, **options)
-    outputs = Outputs((output, checkpoint), read=training.files, images=training.selection.sources)
+    learned, other = _parted(references, pairs, gt, options["dataset"])
+    training = Training.of(learned, checkpoint=checkpoint, **options)
+    if other and not integer_config(training.start, "--pairs").network.signed:
+        raise ConfigError("--pairs needs neurons with biases, which signed weights have; train with network.signed")
+    sources = (*training.selection.sources, *other)
+    outputs = Outputs((output, checkpoint, pairs), read=(*training.files, gt), images=sources)
+    part = [open_traverse(source, every=training.every, events=training.start.events) for source in other]
+    outputs.spare(path for traverse in part for path in traverse.paths)
     with only_one(output), pool_at(address, jobs) as pool:
         model, seconds = training.learn(pool, TERMINAL, opened=outputs.spare)
         model_file.save(model, output)
         remove_checkpoint(checkpoint)
+        if pairs is not None:
+            _teach(model, part[0], gt, training.crop, pool, pairs)
     among = f" in {len(model.stretches)} stretches" if len(model.stretches) > 1 else ""
     tell(model, f"learned {model.places} places{among} in {seconds:.1f} s: {describe(model)}\nmodel: {shown(output)}")
+
+
+def _parted(
+    references: tuple[str, ...], pairs: Path | None, gt: Path | None, dataset: str | None
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The references whose places are learned, and the one that shows some of them in another season, if any does."""
+    if pairs is None:
+        if gt is not None:
+            raise click.UsageError("--gt says what the part in another season shows; give --pairs FILE, too")
+        return references, ()
+    if dataset is not None or len(references) < 2:
+        raise click.UsageError("--pairs needs two traverses: the route, and a part of it in another season")
+    return references[:-1], references[-1:]
+
+
+def _teach(model: Model, part: Traverse, gt: Path | None, crop: str, pool: Pool, path: Path) -> None:
+    """Let a part of the route in another season teach, and write what it taught to ``path``."""
+    places = shown_places(model, part, gt)
+    (queries,) = encode_queries(part, model, Asking(crop=crop))
+    known = paired(model, queries, places, pool)
+    save_season(known, path)
+    console.print(f"season: {shown(path)}, taught by {known.taught} of {len(part)} images")
 
 
 def describe(model: Model) -> str:

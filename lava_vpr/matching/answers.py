@@ -86,6 +86,11 @@ class Answers(NamedTuple):
     followed: NDArray[np.float64] | None = None
     ranking: Ranking = UNRANKED
 
+    def told(self, places: NDArray[np.int64]) -> Answers:
+        """What somebody would answer, sure, who knows the place of each query, -1 for none, int64 (n,)."""
+        nowhere = (places < 0).astype(np.float64)
+        return self._replace(matches=places, probability=1 - nowhere, off_map=nowhere)
+
     def candidates(self, count: int) -> Candidates:
         """The ``count`` best places of every query, or all that there are."""
         by, scores, first, probable = self.ranking

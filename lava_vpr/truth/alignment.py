@@ -97,6 +97,29 @@ def aligned_truth(model: Model, queries: Traverse, tolerance: int = 0) -> NDArra
     return truth_from_indices(np.arange(len(queries)), np.arange(model.places), tolerance)
 
 
+def shown_places(model: Model, queries: Traverse, gt: Path | None = None) -> NDArray[np.int64]:
+    """The place that each query shows, -1 for none, int64 (queries,): by ``gt``, or because its file is called so.
+
+    Args:
+        model: A model.
+        queries: Images.
+        gt: A file as `read_ground_truth` takes it; the first correct place counts.
+    Raises:
+        InputError: the file cannot be used, or no image file is called as one of a place.
+    """
+    if gt is not None:
+        truth = read_ground_truth(gt, queries.indices, model.place_indices)
+        return np.where(truth.any(axis=1), truth.argmax(axis=1), -1)
+    places = {name: place for place, name in enumerate(model.place_names)} if queries.frames is None else {}
+    found = np.array([places.get(name, -1) for name in queries.names], np.int64)
+    if (found < 0).all():
+        raise InputError(
+            f"{shown(queries.source)}: no image is called as one of the map's places; say with --gt FILE which place "
+            "each shows"
+        )
+    return found
+
+
 NEAR_M = 25.0
 """Metres within which two images show the same place, unless a user says otherwise: the field's usual radius
 (VPR-methods-evaluation, ``positive_dist_threshold``)."""

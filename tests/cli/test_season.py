@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from functools import partial
 from pathlib import Path
 
@@ -111,6 +112,45 @@ def test_what_was_learned_outlives_a_reset_and_a_change_of_the_map(here: Path) -
     localizer.update(read_image(images("query")[1]))
     assert localizer.season is not None
     assert localizer.season.answered == 10
+
+
+def test_a_part_of_the_route_in_another_season_teaches_as_sure_and_right_answers_do(here: Path) -> None:
+    shutil.copytree("query", "part")
+    Path("part", images("query")[0].name).unlink()
+    watched("--learn", "--season", "s.lvps")
+    train = ("train", "reference", "part", "-o", "n.lvpr", "--config", "quick.toml", "--pairs", "p.lvps")
+    assert "season: p.lvps, taught by 7 of 7 images" in run(*train).stdout
+    assert Path("n.lvpr").read_bytes() == Path("m.lvpr").read_bytes()
+    robot = Localizer("m.lvpr", learn=True)
+    found = [robot.update(read_image(path)).place for path in images("part")]
+    assert found == list(range(1, 8))
+    known, learned = season_file.load("p.lvps"), robot.season
+    assert learned is not None
+    assert all(np.array_equal(getattr(known, name), getattr(learned, name)) for name in ("gains", "sums", "mean"))
+    Path("gt.txt").write_text("0: 5\n3: 1\n")
+    assert "taught by 2 of 7 images" in run(*train, "--gt", "gt.txt").stdout
+    assert asked("m.lvpr", "--season", "p.lvps") != asked("m.lvpr")
+
+
+def test_pairs_that_cannot_teach_are_refused_before_anything_is_learned(here: Path) -> None:
+    train = ("train", "reference", "query", "-o", "n.lvpr", "--config", "quick.toml")
+    before = content(Path())
+    for words, said in (
+        ((*train, "--gt", "gt.txt"), "give --pairs FILE, too"),
+        (("train", "reference", "-o", "n.lvpr", "--pairs", "p.lvps"), "--pairs needs two traverses"),
+    ):
+        assert said in " ".join(fails(*words, code=2).split())
+    for words, said in (
+        (("train", "reference", "query", "-o", "n.lvpr", "--preset", "paper", "--pairs", "p.lvps"), "--pairs needs"),
+        ((*train, "--pairs", "none/p.lvps"), "the folder none does not exist"),
+        ((*train, "--pairs", "n.lvpr"), "n.lvpr"),
+        (("train", "reference", "no", "-o", "n.lvpr", "--pairs", "p.lvps"), "no: "),
+    ):
+        assert said in fails(*words)
+    assert content(Path()) == before
+    write_images(Path("other"), 2)
+    said = fails("train", "reference", "other", "-o", "n.lvpr", "--config", "quick.toml", "--pairs", "p.lvps")
+    assert said == ("other: no image is called as one of the map's places; say with --gt FILE which place each shows")
 
 
 def test_eval_tells_what_taught_and_how_much_of_it_was_wrong(here: Path) -> None:
@@ -262,7 +302,9 @@ def test_backends_are_compared_under_a_season(known: Path) -> None:
 def test_a_changed_map_has_the_inputs_that_a_season_is_of(known: Path, change: tuple[str, ...]) -> None:
     write_images(Path("further"), 2)
     run("train", "further", "-o", "f.lvpr", "--config", "quick.toml")
+    whole = known.read_bytes()
     run(*change, "-o", "n.lvpr")
+    assert known.read_bytes() == whole
     assert asked("n.lvpr", "--season", known) != asked("n.lvpr")
     watched("--learn", "--season", known, model="n.lvpr")
     assert season_file.load(known).answered == 16

@@ -50,7 +50,8 @@ def test_every_option_of_the_command_is_an_argument_and_the_other_way_round() ->
     arguments = set(inspect.signature(train).parameters) - {"settings"} | set(SETTINGS)
     options = {str(option.name) for option in command.params}
     options = {{"address": "cluster", "jobs": "threads"}.get(name, name) for name in options}
-    assert options - {"output"} == arguments - {"rates", "progress", "checkpoint"}  # a file; what only Python gives
+    files = {"output", "pairs", "gt"}  # what the command writes beside a model, and reads for that
+    assert options - files == arguments - {"rates", "progress", "checkpoint"}  # what only Python gives
 
 
 WAYS: list[tuple[str, dict[str, Any]]] = [
