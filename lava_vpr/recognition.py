@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
-from lava_vpr.backends.answering import in_turn, teachers
+from lava_vpr.backends.answering import Turn, in_turn, teachers
 from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
 from lava_vpr.backends.interface import Advance, Backend, Events, HostBackend, Presentations, query_presentations
+from lava_vpr.backends.replaying import Used
 from lava_vpr.backends.rivals import Rivals, Scored, chosen as rivals_of, decoded, descriptor_similarities
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse
@@ -45,6 +46,8 @@ class Recognition:
         adapted: Figures of the default decoder and of the baselines where they adapt to the queries before, by matcher;
             empty unless that was asked for. Everything else is without.
         learned: Figures of the default decoder where it adapts and answers teach; empty unless that was asked for.
+        used: What the queries were presented with, part by part, where answers teach, or have: to be filtered, if a
+            motion was given.
         taught: How many answers taught, and how many of those were wrong, by `SINGLE` and `FILTERED`.
         season: What was known of the season after the last query, filtered if a motion was given; None: it did not
             count.
@@ -66,6 +69,7 @@ class Recognition:
     metrics: dict[str, Metrics]
     adapted: dict[str, Metrics]
     learned: dict[str, Metrics]
+    used: list[Used] = field(repr=False)
     taught: dict[str, tuple[int, int]]
     season: Season | None = field(repr=False)
     followed: dict[str, Metrics]
@@ -182,6 +186,7 @@ def recognise(
     others = files and descriptor_similarities(*files, n_references=len(labels), n_queries=len(queries), labels=labels)
     asking = comparison.asking
     asking.check(model)
+    asking.check_length(len(queries))
     shown = Asker(model, seed=seed).presentations((queries, *further)) if shown is None else shown
     chosen = backends.get(backend, pool.threads, advance) if isinstance(backend, str) else backend
     shown_counts, events = chosen.count_spikes(model, shown)
@@ -211,14 +216,14 @@ def recognise(
     tracking, known = asking.tracking(model, comparison.motion), comparison.calibration
     learned: dict[str, Metrics] = {}
     taught: dict[str, tuple[int, int]] = {}
-    season: Season | None = None
+    turns: list[Turn] = []
     if tracking.gained and (known is not None or comparison.motion == NONE or not asking.learn):
-        scores, taught[SINGLE], season = teaching(tracking, Together(sequence, NONE, known, off_map))
+        scores, taught[SINGLE], turns = teaching(tracking, Together(sequence, NONE, known, off_map))
         learned = {default: hold(default, scores, truth, Together(sequence)).metrics}
     if comparison.motion != NONE and sequence == 1:
         moving, by = Motion().moving(shown.rates[: len(queries)]), Together(1, comparison.motion, known, off_map)
         if tracking.gained:
-            scores, taught[FILTERED], season = teaching(tracking, by)
+            scores, taught[FILTERED], turns = teaching(tracking, by)
         else:
             scores = decoded(model, counts, default) if tracking.adapt is None else adapting(tracking.adapt)
         followed = follow(default, scores, truth, by, moving)
@@ -231,8 +236,9 @@ def recognise(
         metrics={name: one.metrics for name, one in held.items()},
         adapted={name: one.metrics for name, one in adapted.items()},
         learned=learned,
+        used=[turn.used for turn in turns if turn.used is not None],
         taught=taught,
-        season=season,
+        season=turns[-1].season if turns else None,
         followed={} if followed is None else {FILTERED: followed.filtered, SMOOTHED: followed.smoothed},
         truth=truth,
         matches=answers.matches,
@@ -274,13 +280,13 @@ def _taught(
     truth: NDArray[np.bool_],
     asking: Asking,
     together: Together,
-) -> tuple[InBlocks, tuple[int, int], Season | None]:
+) -> tuple[InBlocks, tuple[int, int], list[Turn]]:
     """The scores of the default decoder where answers teach, or have; how many did, and how many of these wrong; and
-    what is known of the season at the end."""
+    all else of the drive."""
     model, asker = rivals.model, Asker(rivals.model, asking, rivals.shown.seed)
     turns = list(in_turn(model, asker, [(rivals.queries, *further)], backend, together))
     counts = np.concatenate([turn.counts for turn in turns])
-    return decoded(model, counts, model.config.decoder.default), teachers(turns, truth), turns[-1].season
+    return decoded(model, counts, model.config.decoder.default), teachers(turns, truth), turns
 
 
 def _adapted_matchers(rivals: Rivals, adapting: Callable[[float], InBlocks]) -> Iterator[Scored]:

@@ -13,6 +13,7 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import PLAINLY, Asker, Asking, calibration_of, summed
 from lava_vpr.backends.interface import Advance, Backend, HostBackend, Presentations
 from lava_vpr.backends.registry import BACKENDS
+from lava_vpr.backends.replaying import Used
 from lava_vpr.backends.season import unlearned
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, Keep, encoded_batches
@@ -34,7 +35,8 @@ BATCH = 256
 class Turn(NamedTuple):
     """Some queries that were answered together: spike counts int32 (n, neurons), scores (n, places), answers, what
     speaks against each query, which of the answers taught, bool (n,), what is known of the season afterwards (None: it
-    does not count), and the queries, straight ahead."""
+    does not count), the queries, straight ahead, and what they were presented with, if inputs have gains that are not
+    replayed."""
 
     counts: NDArray[np.int32]
     scores: NDArray[np.float64]
@@ -43,6 +45,7 @@ class Turn(NamedTuple):
     taught: NDArray[np.bool_]
     season: Season | None
     seen: EncodedTraverse
+    used: Used | None
 
 
 def in_turn(
@@ -85,8 +88,9 @@ def in_turn(
             state, answers = state.step(scores, moving, stamps=stamps)
             signs = signs_of(doubts, seen.activity, stamps, None if positions is None else positions.points())
             teaching = answers if known is None else answers.told(known[first : first + len(some)])
+            used = asker.used(asked, len(some))
             taught = asker.learn(teaching, signs)
-            yield Turn(some, scores, answers, signs, taught, asker.season, seen)
+            yield Turn(some, scores, answers, signs, taught, asker.season, seen, used)
             first += len(some)
 
 
@@ -127,6 +131,7 @@ class Answered(NamedTuple):
         thumbnails: The queries as pages show them, uint8 (n, 48, 64, 3) BGR; None unless they were to be kept.
         signs: What speaks against each of them.
         season: What is known of the season after them; None: it does not count.
+        used: What they were presented with, if inputs have gains that are not replayed.
     """
 
     images: Traverse
@@ -135,6 +140,7 @@ class Answered(NamedTuple):
     signs: list[Sign]
     season: Season | None
     thumbnails: NDArray[np.uint8] | None = None
+    used: Used | None = None
 
 
 def answer_stream(
@@ -176,6 +182,7 @@ def answer_stream(
     """
     chosen, calls = backends.get(backend, threads, advance), max(1, BACKENDS[backend].together // BATCH)
     asking.check(model)
+    asking.check_length(len(traverse))
     asker, framing = Asker(model, asking, seed), asking.framing(model)
     batches = encoded_batches(
         traverse,
@@ -194,5 +201,5 @@ def answer_stream(
         if pace is not None:
             pace.update(turn.scores)
         part = traverse.take(range(first, first + len(turn.counts)))
-        yield Answered(part, turn.answers, turn.counts, turn.signs, turn.season, turn.seen.thumbnails)
+        yield Answered(part, turn.answers, turn.counts, turn.signs, turn.season, turn.seen.thumbnails, turn.used)
         first += len(part)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lava_vpr import model as model_file
 from lava_vpr.backends.interface import Presentations, query_presentations
+from lava_vpr.backends.replaying import GainTable, Replayer, Used
 from lava_vpr.backends.season import check_season
 from lava_vpr.backends.teaching import Learner
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
@@ -21,6 +22,7 @@ from lava_vpr.config import LifNetwork
 from lava_vpr.encoding import EncodedTraverse, Framing
 from lava_vpr.engine.adaptation import Adaptation, Motion, RunningMean
 from lava_vpr.engine.gains import Season
+from lava_vpr.engine.random import image_keys
 from lava_vpr.errors import ConfigError
 from lava_vpr.framing import NO_CROP, OfQueries, check_crop
 from lava_vpr.inputs.doubts import Sign
@@ -47,6 +49,8 @@ class Asking:
         crop: ``auto``: bars at the edges of queries are cropped or masked (`lava_vpr.framing`); or ``none``.
         learn: Whether gains of inputs follow from sure answers.
         season: What was learned before; None: nothing.
+        replay: What the queries are presented with, gains and biases, in place of all that follows from queries or
+            answers before; None: nothing is known of them.
     """
 
     views: int = 1
@@ -55,6 +59,7 @@ class Asking:
     crop: str = NO_CROP
     learn: bool = False
     season: Season | None = None
+    replay: GainTable | None = None
 
     @classmethod
     def wanted(cls, views: int = 1, adapt: float | str | None = MODELS, crop: str = NO_CROP) -> Asking:
@@ -72,27 +77,30 @@ class Asking:
     @property
     def gained(self) -> bool:
         """Whether inputs have gains, or may get some."""
-        return self.learn or self.season is not None
+        return self.learn or self.season is not None or self.replay is not None
 
     def check(self, model: Model) -> None:
         """Refuse what ``model`` cannot be asked.
 
         Raises:
             ConfigError: an even number of views, or several of vectors; a time constant below 1; adaptation of a
-                network without biases; learning without adaptation; a season of other inputs; to crop what has no
-                edges.
+                network without biases; learning without adaptation; a season of other inputs; to replay what another
+                network was presented with; to crop what has no edges.
         """
         _ = self.of(model)
         check_crop(self.crop, model.config.encoder)
         if self.views > 1 and INPUTS[model.config.encoder.kind].sees == "vector":
             raise ConfigError(f"--query-views is {self.views}, but the model learned vectors, which have one view")
-        wanted = {"--learn": self.learn, "--season": self.season is not None, "--adapt": self.adapt is not None}
+        given = {"--season": self.season, "--replay": self.replay, "--adapt": self.adapt}
+        wanted = {"--learn": self.learn, **{name: value is not None for name, value in given.items()}}
         option = next((name for name, given in wanted.items() if given), None)
         if option is None:
             return
         integer = integer_model(model, option)
         if self.season is not None:
             check_season(self.season, integer)
+        if self.replay is not None:
+            self.replay.check(integer)
         if self.learn and self.adapt is None and not self.tracked_adapt:
             raise ConfigError(
                 "--learn needs adaptation, as it learns from what queries before did not show; give --adapt N"
@@ -103,6 +111,15 @@ class Asking:
             raise ConfigError(
                 f"{option} needs neurons with biases, which signed weights have; train with network.signed"
             )
+
+    def check_length(self, queries: int) -> None:
+        """Refuse more ``queries`` than are known where they are replayed.
+
+        Raises:
+            InputError: there are fewer.
+        """
+        if self.replay is not None:
+            self.replay.check_length(queries)
 
     def check_together(self, together: Together) -> None:
         """Refuse answers that are to teach, but have no probabilities.
@@ -140,8 +157,10 @@ class Asker:
 
     def __init__(self, model: Model, asking: Asking = PLAINLY, seed: int | None = None) -> None:
         self._model, self._seed, self.asking = model, seed, asking
-        self._adaptation, self.learner = None, None
-        if asking.gained:
+        self._adaptation, self.learner, self._replayer = None, None, None
+        if asking.replay is not None:
+            self._replayer = Replayer(integer_model(model, "--replay"), asking.replay)
+        elif asking.gained:
             self.learner = Learner(integer_model(model, "--learn"), asking.season, asking.adapt)
         elif asking.adapt is not None:
             self._adaptation = Adaptation(integer_model(model, "--adapt").network, asking.adapt)
@@ -169,12 +188,19 @@ class Asker:
             InputError: the queries were encoded with other settings.
         """
         shown = [query_presentations(self._model, queries, self._seed) for queries in views]
-        if self.learner is not None:
-            shown = self.learner.weighed(shown, views)
+        if (weigher := self.learner or self._replayer) is not None:
+            shown = weigher.weighed(shown, views)
         elif self._adaptation is not None:
             bias = self._adaptation.biases(shown[0].rates)
             shown = [replace(part, bias=bias) for part in shown]
         return Presentations.joined(shown)
+
+    def used(self, shown: Presentations, queries: int) -> Used | None:
+        """What so many ``queries`` of the last `presentations` are ``shown`` with; None where inputs have no gains, or
+        these are replayed."""
+        if self.learner is None or shown.bias is None:
+            return None
+        return Used(self.learner.season.gains, shown.bias[:queries], image_keys(shown.seen[:queries]))
 
     def learn(self, answers: Answers, signs: Sequence[Sign]) -> NDArray[np.bool_]:
         """Let the answers to the queries of the last `presentations` teach, if they shall; which did, bool (n,).

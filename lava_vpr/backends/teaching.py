@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.backends.season import unlearned
+from lava_vpr.config import EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, query_rates16
 from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.engine.gains import FULL, Reference, Season, biases_under, expected
@@ -70,10 +71,7 @@ class Learner:
             bias = self._adaptation.taking_off(means)
             return [replace(part, bias=bias) for part in shown]
         bias = biases_under(self._model.network, means, self._reference, gains)
-        under = [query_rates16(queries.activity * gains.astype(np.float32), encoder) for queries in views]
-        return [
-            replace(part, rates=rates, bias=bias, plain=part.rates) for part, rates in zip(shown, under, strict=True)
-        ]
+        return under_gains(shown, views, gains, bias, encoder)
 
     def learn(self, answers: Answers, doubtful: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Let the answers to the last queries teach, not those to ``doubtful`` ones (n,); which did, bool (n,)."""
@@ -88,6 +86,32 @@ class Learner:
                 season = season.learned(known - reference.mean, seen[i], reference.variance)
         self.season = replace(season, mean=self._adaptation.mean)
         return taught
+
+
+def under_gains(
+    shown: Sequence[Presentations],
+    views: Sequence[EncodedTraverse],
+    gains: NDArray[np.uint8],
+    bias: NDArray[np.int32],
+    encoder: EncoderConfig,
+) -> list[Presentations]:
+    """Queries under ``gains``, in each of their views, of which ``shown`` is without.
+
+    Args:
+        shown: The queries in each of their views, without gains.
+        views: The same, encoded.
+        gains: One for each input, uint8 (inputs,), or (n, inputs) of each query; where all are `FULL`, rates stay.
+        bias: Biases, int32 (n, neurons).
+        encoder: Settings of the inputs.
+    """
+    rows = np.broadcast_to(gains, shown[0].rates.shape)
+    lessened = ~(rows == FULL).all(axis=1)
+    presented = []
+    for part, queries in zip(shown, views, strict=True):
+        rates = part.rates.copy()
+        rates[lessened] = query_rates16(queries.activity[lessened] * rows[lessened].astype(np.float32), encoder)
+        presented.append(replace(part, rates=rates, bias=bias, plain=part.rates))
+    return presented
 
 
 def reference_of(model: IntegerModel) -> Reference:

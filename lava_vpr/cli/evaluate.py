@@ -95,8 +95,10 @@ def evaluate(
     if address is not None and backend != "host":
         raise click.UsageError(f"--cluster runs the backend host, not {backend}; leave one of the two out")
     route = benchmark.recognised(asked.query, asked.every, places=asked.places)
-    read = (*truth.files, *(compared.descriptors or ()), learning.season)
-    outputs, page = results.outputs("report.html", read=read, model=asked.model_path, images=route.sources)
+    read = (*truth.files, *(compared.descriptors or ()), *learning.files)
+    outputs, page = results.outputs(
+        "report.html", learning.gains, read=read, model=asked.model_path, images=route.sources
+    )
     compared = replace(compared, asking=learning.of(compared.asking))
     model = asked.model(compared.asking)
     backends.require(backend, model)
@@ -104,6 +106,7 @@ def evaluate(
     traverse, located, correct = truth.open(model, route, asked.places, outputs)
     compared = replace(compared, motion=_motion(ctx, compared, route, correct))
     queries, result = _recognised(model, traverse, correct, compared, results.drawn, address, backend, seed)
+    learning.keep(model, result.used)
     errors = None if located is None else PositionErrors(located, located.errors(result.matches), truth.near)
     values = {**_named(asked, route), **as_json(model, result, errors)}
     drawn = partial(_page, ctx, model, queries, result, errors)

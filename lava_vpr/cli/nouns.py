@@ -11,6 +11,7 @@ import click
 
 from lava_vpr.backends.asking import MODELS, OFF, Asking, open_model
 from lava_vpr.backends.registry import BACKENDS
+from lava_vpr.backends.replaying import GainTable, Used, load as load_table, save as save_table
 from lava_vpr.backends.season import load as load_season
 from lava_vpr.cli.common import PATH, F, Number, Parsed, RegisteredName, noun, seed_type, several
 from lava_vpr.cli.outputs import Outputs, show_results
@@ -18,7 +19,7 @@ from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.datasets.selecting import Benchmark
 from lava_vpr.errors import InputError, brief, shown
 from lava_vpr.framing import CROPS, NO_CROP
-from lava_vpr.model import Model
+from lava_vpr.model import Model, integer_model
 from lava_vpr.positions.track import MOST_GAP_S
 from lava_vpr.show.table import FORMS, Table
 from lava_vpr.traverse import Traverse, located
@@ -239,38 +240,78 @@ asking_options = noun(
 
 @dataclass(frozen=True)
 class Learning:
-    """What is learned of the season, and was.
+    """What is learned of the season, and was; or what queries were presented with before.
 
     Attributes:
         learn: Whether sure answers teach.
         season: File of what was learned before; None: nothing.
+        gains: File to be written of what queries are presented with; None: none is wanted.
+        replay: Such a file, which is replayed; None: none is.
     """
 
     learn: bool
     season: Path | None
+    gains: Path | None = None
+    replay: Path | None = None
+
+    def __post_init__(self) -> None:
+        gained = self.learn or self.season is not None
+        if self.gains is not None and not gained:
+            raise click.UsageError("--gains writes what --learn or --season present queries with; give one of them")
+        if self.replay is not None and gained:
+            raise click.UsageError("--replay takes all gains from its file; give it without --learn and --season")
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files to be read."""
+        return tuple(path for path in (self.season, self.replay) if path is not None)
 
     def of(self, asking: Asking) -> Asking:
         """``asking`` under what was learned, and learning.
 
         Raises:
-            ModelFileError: the file cannot be used.
+            ModelFileError: a file cannot be used.
         """
+        if self.replay is not None:
+            if asking.adapt is not None:
+                raise click.UsageError("--replay takes all biases from its file; give it without --adapt")
+            return replace(asking, replay=load_table(self.replay))
         return replace(asking, learn=self.learn, season=None if self.season is None else load_season(self.season))
 
+    def keep(self, model: Model, parts: Iterable[Used]) -> None:
+        """Write the ``parts`` of what the queries of ``model`` were presented with, if that is wanted."""
+        if self.gains is not None:
+            save_table(GainTable.of(integer_model(model, "--gains"), parts), self.gains)
 
-def learning_options(file: str) -> Callable[[Any], Any]:
-    """Give a command the options ``--learn`` and ``--season``, as ``learning``; ``file`` says what the file is."""
+
+_REPLAY = "Present queries with the gains and biases in FILE, written by --gains of the same queries."
+replay_option = click.option("--replay", type=PATH, default=None, metavar="FILE", help=_REPLAY)
+
+
+def learning_options(file: str, *further: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Give a command ``--learn``, ``--season`` and ``further`` options, as ``learning``; ``file`` says what that is."""
     taught = "Let sure answers teach which inputs survive the season; adapts by default."
     return noun(
         "learning",
         Learning,
         click.option("--learn", is_flag=True, help=taught),
         click.option("--season", type=PATH, default=None, metavar="FILE", help=file),
+        *further,
     )
 
 
-season_option = learning_options("File of what was learned of the season before; it stays as it is.")
-"""``--learn`` and ``--season`` of a command that reads what was learned."""
+season_option = learning_options(
+    "File of what was learned of the season before; it stays as it is.",
+    click.option(
+        "--gains",
+        type=PATH,
+        default=None,
+        metavar="FILE",
+        help="Write the gains and biases that queries are presented with, for --replay on any backend.",
+    ),
+    replay_option,
+)
+"""``--learn``, ``--season``, ``--gains`` and ``--replay`` of a command that reads what was learned."""
 
 jobs_option = click.option(
     "--jobs", type=click.IntRange(1, 1024), default=None, help="Threads (default: all processors)."
@@ -312,11 +353,11 @@ class WrittenFiles:
         if self.table_path is not None and self.table_path.suffix.lower() not in FORMS:
             raise click.UsageError(f"--table FILE must end in one of {', '.join(FORMS)}, not {shown(self.table_path)}")
 
-    def outputs(self, page: str, **inputs: Any) -> tuple[Outputs, Path | None]:
-        """The checked outputs, beside the ``inputs`` of `Outputs`, and the page's file."""
+    def outputs(self, page: str, further: Path | None = None, **inputs: Any) -> tuple[Outputs, Path | None]:
+        """The checked outputs, a ``further`` file among them, beside the ``inputs`` of `Outputs`; the page's file."""
         target = None if self.report_folder is None else self.report_folder / page
         folders = () if self.figures_folder is None else (self.figures_folder,)
-        return Outputs((self.json_path, self.table_path), made=(target,), folders=folders, **inputs), target
+        return Outputs((self.json_path, self.table_path, further), made=(target,), folders=folders, **inputs), target
 
     @property
     def drawn(self) -> bool:

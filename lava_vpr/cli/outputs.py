@@ -295,6 +295,7 @@ SILENT = (
     "predictions",
     "reference_folder",
     "scores",
+    "gains",
     "jobs",
     "address",
     "keep",

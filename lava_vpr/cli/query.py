@@ -139,7 +139,8 @@ def query(
     if it is not accepted. Where positions and times are known, columns follow with those of the matched place (x, y or
     lat, lon), the query's time and the metres of error. On standard output lines come as images are done.
     """
-    outputs = writing.outputs(motion, read=(*where.files, learning.season), model=model_path, images=(images,))
+    files = (*where.files, *learning.files)
+    outputs = writing.outputs(motion, learning.gains, read=files, model=model_path, images=(images,))
     model, asking = _asked(open_model(model_path), learning.of(asking), motion, where, backend)
     whole = open_traverse(images, every=every, events=model.config.events)
     outputs.spare(whole.paths)
@@ -152,11 +153,21 @@ def query(
     answer = partial(answer_stream, model, traverse, backend=backend, together=together, asking=asking, seed=seed)
     with query_progress(traverse.source, backend, len(traverse), silent=writing.silent) as (read, advance):
         how = partial(answer, threads=cores(), pace=pace, keep=writing.keep)
-        stream = how(at_once=writing.lines, read=read, advance=advance)
+        stream = _noted(how(at_once=writing.lines, read=read, advance=advance), model, learning)
         recognised = _write(model, traverse, stream, table, together, writing, accepting)
     if pace is not None and (contradiction := pace.contradiction(sequence)) is not None:
         stderr.print(f"warning: {contradiction}")
     writing.conclude(len(traverse), recognised)
+
+
+def _noted(stream: Iterator[Answered], model: Model, learning: Learning) -> Iterator[Answered]:
+    """``stream``, and at its end what its queries were presented with is written, if that is wanted."""
+    parts = []
+    for some in stream:
+        if learning.gains is not None and some.used is not None:
+            parts.append(some.used)
+        yield some
+    learning.keep(model, parts)
 
 
 def _check_length(traverse: Traverse, images: str, sequence: int) -> None:

@@ -11,7 +11,16 @@ from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.verification import Verdict, verify as verify_spikes
 from lava_vpr.cli.choose import open_queries
 from lava_vpr.cli.common import PATH, RegisteredName, encode_queries, one_bar, print_reasons
-from lava_vpr.cli.nouns import Learning, OneSource, Queries, asking_options, json_option, queries_options, seed_option
+from lava_vpr.cli.nouns import (
+    Learning,
+    OneSource,
+    Queries,
+    asking_options,
+    json_option,
+    queries_options,
+    replay_option,
+    seed_option,
+)
 from lava_vpr.cli.outputs import Outputs, show_results
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import BackendUnavailableError, InputError
@@ -34,6 +43,7 @@ from lava_vpr.truth.alignment import aligned_truth
 )
 @asking_options
 @click.option("--season", type=PATH, default=None, metavar="FILE", help="File of what was learned of the season.")
+@replay_option
 @seed_option
 @json_option("the verdicts")
 def verify(
@@ -42,6 +52,7 @@ def verify(
     names: tuple[str, ...],
     asking: Asking,
     season: Path | None,
+    replay: Path | None,
     seed: int | None,
     json_path: Path | None,
 ) -> None:
@@ -50,8 +61,9 @@ def verify(
     Exits with 1 if a single spike differs, or a backend that was named cannot run. A float backend has spikes of its
     own; its recall is printed. Spikes that the network decides (exc, inh) are counted apart from those of inputs.
     """
-    outputs = Outputs((json_path,), read=(season,), model=asked.model_path, images=(asked.query,))
-    asking = Learning(learn=False, season=season).of(asking)
+    learning = Learning(learn=False, season=season, replay=replay)
+    outputs = Outputs((json_path,), read=learning.files, model=asked.model_path, images=(asked.query,))
+    asking = learning.of(asking)
     model = asked.model(asking)
     for name in names:  # asked for by name: not to run it is an error
         backends.require(name, model)

@@ -33,7 +33,7 @@ _LEVEL = 3
 
 
 def pack(kind: str, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """A container of ``kind`` (``model``, ``season``, ``checkpoint`` or ``references``).
+    """A container of ``kind`` (``model``, ``season``, ``gain table``, ``checkpoint`` or ``references``).
 
     Raises:
         ModelFileError: it unpacks to more than the limits allow, so that `unpack` would refuse it.
@@ -120,10 +120,11 @@ REMEDIES = {
     "model": "train it again or fetch an intact copy",
     "references": "deploy the model again",
     "season": "learn it again (lava-vpr watch --learn --season FILE)",
+    "gain table": "write it again (lava-vpr query --learn --gains FILE)",
     "checkpoint": "delete it and train from the start, without --resume",
 }
 """What to do about a file of each kind that cannot be used."""
-_WRITERS = {"season": "watch --learn"}
+_WRITERS = {"season": "watch --learn", "gain table": "query --learn --gains"}
 
 _UNFIT = (*ARCHIVE_ERRORS, OSError)
 """What reading an archive and its entries raises when they are not what they should be."""

@@ -13,9 +13,10 @@ import pytest
 from click.testing import CliRunner
 from support.common.commands import content, fails, figures, images, matches, run
 from support.common.imagefiles import write_images
+from support.common.teaching import teach_quickly
 
 from lava_vpr import Localizer, load, localizer
-from lava_vpr.backends import answering, season as season_file, teaching
+from lava_vpr.backends import answering, season as season_file
 from lava_vpr.backends.answering import answer_stream
 from lava_vpr.backends.asking import Asking
 from lava_vpr.cli import main
@@ -31,11 +32,8 @@ from lava_vpr.traverse import open_traverse
 
 @pytest.fixture(autouse=True)
 def quick_to_learn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Answers of all sorts teach, and two are enough."""
-    monkeypatch.setattr(gains, "EPOCH", 2)
-    monkeypatch.setattr(gains, "ENOUGH", 1)
-    monkeypatch.setattr(teaching, "ALONE", 0.0)
-    monkeypatch.setattr(teaching, "TRACKED", 0.0)
+    """A drive of eight images has several epochs."""
+    teach_quickly(monkeypatch)
 
 
 def watched(*words: object, model: str = "m.lvpr") -> list[dict[str, object]]:

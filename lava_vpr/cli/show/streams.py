@@ -186,14 +186,14 @@ class Writing:
         """Whether lines go to a terminal, where a bar would stand between them."""
         return self.lines and sys.stdout.isatty()
 
-    def outputs(self, motion: str, **inputs: Any) -> Outputs:
-        """The outputs beside their ``inputs``; a bag needs a ``motion``."""
+    def outputs(self, motion: str, further: Path | None, **inputs: Any) -> Outputs:
+        """The outputs, a ``further`` file among them, beside their ``inputs``; a bag needs a ``motion``."""
         if self.bag is not None and motion == NONE:
             raise click.UsageError("--bag has the covariance of what is believed; give --motion any or forward, too")
         if self.reference_folder is not None and self.predictions is None:
             raise click.UsageError("--references names the folder in the paths of --predictions; give that, too")
         folders = [path for path in (self.bag, self.predictions) if path is not None]
-        return Outputs((self.file, self.scores), made=(self.page,), folders=folders, **inputs)
+        return Outputs((self.file, self.scores, further), made=(self.page,), folders=folders, **inputs)
 
     def rows(self) -> AbstractContextManager[Callable[[str], object]]:
         """What writes the rows."""
