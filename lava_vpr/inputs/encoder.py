@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.inputs.front_end import FRONT_END
 from lava_vpr.inputs.orientation import filter_channels, orientation_channels, parsed
 from lava_vpr.inputs.patches import HOG_VALUES, PATCH_SIDE, on_off
 from lava_vpr.inputs.vectors import as_rates, signed_channels, without_weak
@@ -31,7 +32,8 @@ class EncoderConfig:
     """How an image becomes spike probabilities.
 
     Attributes:
-        kind: Name of a row in `INPUTS`: ``orientation`` (complex-cell edge channels), ``onoff`` or ``pixels`` (the
+        kind: Name of a row in `INPUTS`: ``orientation`` (complex-cell edge channels), ``frontend`` (the spiking
+            front end, which has settings of its own), ``onoff`` or ``pixels`` (the
             paper's patch-normalised ones), ``events`` (``orientation`` of images of events), or ``filters`` (a learned
             convolutional layer in place of orientations); or of descriptors in place of images ``vector`` or ``rates``.
         image_size: Side in pixels of the square image that the orientation channels are computed on.
@@ -168,6 +170,8 @@ def _line(channels: int, values: int) -> ChannelLayout:
     return ChannelLayout(channels, math.isqrt(max(0, values - 1)) + 1 if values else 0, values)
 
 
+STROKES = "A stroke runs along the edge that excites the neuron; the longer and stronger, the larger the weight."
+
 for _row in (
     Input(
         "orientation",
@@ -176,7 +180,17 @@ for _row in (
         activity=_orientation_activity,
         grey_levels=False,
         drawing="strokes",
-        legend="A stroke runs along the edge that excites the neuron; the longer and stronger, the larger the weight.",
+        legend=STROKES,
+        oriented=True,
+    ),
+    Input(
+        "frontend",
+        layout=lambda encoder: ChannelLayout(FRONT_END.orientations, FRONT_END.grid),
+        sees="image",
+        activity=lambda image, encoder: FRONT_END.spikes(image)[0].astype(np.float32).reshape(-1),
+        grey_levels=False,
+        drawing="strokes",
+        legend=STROKES,
         oriented=True,
     ),
     Input(

@@ -90,7 +90,7 @@ def test_rows_are_all_that_the_commands_need(tmp_path: Path, monkeypatch: pytest
     assert found["decoders"]["dummy"]["recall_at_n"]["5"] == np.mean(ranks < 5)
 
     INPUTS.remove("dummy")  # the file outlives the row
-    with pytest.raises(ModelFileError, match=r"encoder\.kind is 'dummy', but must be one of orientation, filters"):
+    with pytest.raises(ModelFileError, match=r"encoder\.kind is 'dummy', but must be one of orientation, frontend"):
         model_file.load(Path("m.lvpr"))
     INPUTS.register(DUMMY_INPUT)
 

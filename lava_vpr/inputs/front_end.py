@@ -1,0 +1,268 @@
+"""The spiking front end: an image becomes spike counts of cells, by populations of integer neurons alone.
+
+An image is brought to ``width`` x ``width / 2`` grey pixels. From then on everything is spikes of the neurons that
+`lava_vpr.engine.general` simulates (docs/network.md has their equations)::
+
+    clock --> pixels --> filters --> pairs --> onsets --> cells <--> pools
+          \\____________^
+
+1. **Pixels** integrate their grey level as a bias, and spike once: the brighter, the earlier, a step for each of
+   ``levels`` levels of the logarithm. The clock sees to it: neuron s of this chain spikes in step s.
+2. **Filters** are derivatives in ``2 orientations`` directions at every pixel of every other column. Their currents
+   keep what pixels add, so that membranes integrate weight times level. Then the clock raises all membranes alike, so
+   that a filter spikes the earlier the larger the logarithm of its response: once, in one of ``race`` steps.
+3. A **pair** needs two filters, 67.5 degrees to either side of its direction: an edge's is the later of both spikes.
+4. An **onset** spikes once, with the first pair of its cell and channel, whatever the sign of contrast. Its **cell**
+   then spikes in every step, ``most`` times at most.
+5. A **pool** counts the spikes of all cells around, and silences its own once these have spent their budget. So time
+   is divided by what is around, and a cell's count is the logarithm of a ratio.
+
+The counts are the activity. They are made here by the kernel beside, spike for spike those of the populations.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.errors import ConfigError
+from lava_vpr.inputs.front_end_kernels import RaceNumbers, counted
+from lava_vpr.inputs.patches import averaged
+from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT, STATE_LIMIT, WEIGHT_LIMIT
+
+COLUMNS = 2
+"""Every other column of pixels has filters."""
+HOLD = 63
+"""Steps after a spike in which neurons that spike once stay at 0, what 6 bits hold: a presentation is no longer."""
+
+
+SPARE = 16
+"""What rounding can add to a filter's current, and more, in units of a weight."""
+
+
+def lasting(current: int) -> int:
+    """What is left of a current after a step where its decay register is 0, in units of u."""
+    kept = abs(current) * (DECAY_UNITY - 1) >> DECAY_BITS
+    return kept if current > 0 else -kept
+
+
+@dataclass(frozen=True)
+class FrontEnd:
+    """Everything about the front end, in integers but for the numbers that these are made from.
+
+    Attributes:
+        width: Pixels of a row; there are half as many rows.
+        cell: Columns of pixels of a cell, which has half as many rows.
+        orientations: Channels, evenly spaced over 180 degrees: a multiple of 8.
+        reach: Cells to each side that a pool listens to.
+        levels: Levels of a pixel, one a step.
+        pixel_octaves: Octaves of grey level that they span.
+        across, down: Weights that a filter smooths with along a row and along a column, before it takes differences.
+        unit: What a filter's weights are made whole with.
+        race: Steps in which filters spike.
+        race_octaves: Octaves of response that they span.
+        top: The response that spikes first, as a share of half the product of the weights' sums, ``unit`` and levels.
+        budget: Spikes around after which a pool spikes; of those at the edge of the image, in proportion.
+        most: Most spikes of a cell.
+    """
+
+    width: int = 64
+    cell: int = 4
+    orientations: int = 8
+    reach: int = 2
+    levels: int = 32
+    pixel_octaves: float = 4.0
+    across: tuple[int, ...] = (1, 3, 4, 3, 1)
+    down: tuple[int, ...] = (1, 4, 1)
+    unit: int = 20
+    race: int = 15
+    race_octaves: float = 7.0
+    top: float = 1.0
+    budget: int = 120
+    most: int = 7
+
+    def __post_init__(self) -> None:
+        for name, value, unit in (
+            ("width", self.width, self.cell),
+            ("cell", self.cell, 2 * COLUMNS),
+            ("orientations", self.orientations, 8),
+        ):
+            if value % unit:
+                raise ConfigError(f"a front end's {name} is {value}, but must be a multiple of {unit}")
+        if self.steps > HOLD + 1:
+            raise ConfigError(f"a presentation of {self.steps} steps is longer than {HOLD + 1}; use fewer levels")
+
+    @property
+    def height(self) -> int:
+        """Rows of pixels."""
+        return self.width // 2
+
+    @property
+    def grid(self) -> int:
+        """Cells of a row, and of a column."""
+        return self.width // self.cell
+
+    @property
+    def directions(self) -> int:
+        """Directions of filters and pairs, over 360 degrees."""
+        return 2 * self.orientations
+
+    @property
+    def apart(self) -> int:
+        """Directions between a pair and either of its filters: 67.5 degrees."""
+        return 3 * self.orientations // 8
+
+    @property
+    def steps(self) -> int:
+        """Steps of a presentation: those in which cells can spike, and two until nothing is in flight."""
+        return self.end + 2
+
+    @property
+    def end(self) -> int:
+        """The step in which the clock silences all cells: pixels, race, and what its last spike takes to the cells."""
+        return self.levels + self.race + 3
+
+    @property
+    def populations(self) -> dict[str, int]:
+        """The number of neurons of each population."""
+        sites, cells = self.height * self.width // COLUMNS * self.directions, self.grid**2 * self.orientations
+        return {
+            "clock": self.end,
+            "pixels": self.height * self.width,
+            "filters": sites,
+            "pairs": sites,
+            "onsets": cells,
+            "cells": cells,
+            "pools": self.grid**2,
+        }
+
+    @property
+    def accesses(self) -> int:
+        """Neurons times steps of a presentation."""
+        return sum(self.populations.values()) * self.steps
+
+    @cached_property
+    def filters(self) -> NDArray[np.int64]:
+        """Weights of the filters, (directions, rows, columns); each sums to 0.
+
+        Rows are twice as far apart as columns are, so that the difference along a column counts half.
+        """
+        across, down = np.array(self.across), np.array(self.down)
+        shape = len(down) + 2, len(across) + 2
+        x, y = np.zeros(shape), np.zeros(shape)
+        x[1:-1] = np.outer(down, np.convolve(across, (-1, 0, 1)))
+        y[:, 1:-1] = np.outer(np.convolve(down, (-1, 0, 1)), across) / 2
+        angles = 2 * math.pi * np.arange(self.directions) / self.directions
+        made = self.unit * (np.cos(angles)[:, None, None] * x + np.sin(angles)[:, None, None] * y)
+        return np.rint(np.round(made, 6)).astype(np.int64)
+
+    @cached_property
+    def grey_levels(self) -> NDArray[np.int64]:
+        """The least grey level that spikes in each step, (levels,): all do in the last."""
+        shares = np.arange(self.levels - 1, 0, -1) / self.levels
+        least = np.ceil(255 * 2.0 ** (self.pixel_octaves * (shares - 1)))
+        return np.append(least, 0).astype(np.int64)
+
+    @cached_property
+    def responses(self) -> NDArray[np.int64]:
+        """What a filter's response is above if it spikes in each step of the race, (race,)."""
+        first = self.top * self.unit * sum(self.across) * sum(self.down) * self.levels / 2
+        shares = np.arange(self.race) / max(1, self.race - 1)
+        return np.floor(first * 2.0 ** (-self.race_octaves * shares)).astype(np.int64)
+
+    @property
+    def pixel_threshold(self) -> int:
+        """Threshold of pixels: the grey levels of the first step are above."""
+        return int(self.grey_levels[0]) - 1
+
+    @property
+    def filter_threshold(self) -> int:
+        """Threshold of filters, which none reaches before the race, whatever is rounded."""
+        largest = int(np.maximum(self.filters, 0).sum(axis=(1, 2)).max()) * (self.levels - 1)
+        return max(largest, int(self.responses[0])) + SPARE * self.levels
+
+    @cached_property
+    def pixel_clock(self) -> NDArray[np.int64]:
+        """What the clock's spike of each step adds to pixels, (levels - 1,).
+
+        In step t a pixel of grey level g has integrated (t + 1) g and what the clock added; it is above the threshold
+        from the level on that is due.
+        """
+        due: NDArray[np.int64] = np.arange(1, self.levels + 1) * self.grey_levels
+        return due[:-1] - due[1:]
+
+    @cached_property
+    def filter_clock(self) -> NDArray[np.int64]:
+        """What the clock's spikes add to the currents of filters from step ``levels - 1`` on, (race + 1,).
+
+        Currents last, so that a step's is the rise of membranes in it, but for what they lose in every step, which is
+        given back; the last ends the race, whatever is rounded.
+        """
+        made, current, membrane = [], 0, 0
+        for rise in self.filter_threshold - self.responses:
+            current = lasting(current)
+            made.append((int(rise << INPUT_SHIFT) - membrane - current) >> INPUT_SHIFT)
+            current += made[-1] << INPUT_SHIFT
+            membrane += current
+        made.append(-(current >> INPUT_SHIFT) - SPARE)
+        return np.array(made)
+
+    @property
+    def silencing(self) -> int:
+        """What a pool, or the clock at the end, takes from cells: more than an onset ever gives."""
+        return WEIGHT_LIMIT
+
+    @property
+    def onset_weight(self) -> int:
+        """What an onset gives its cell: enough for ``most`` spikes, each of which takes `cell_weight`."""
+        return self.most * self.cell_weight
+
+    @property
+    def cell_weight(self) -> int:
+        """What a cell's spike takes of its current; half of it is its threshold."""
+        return 16
+
+    @cached_property
+    def budgets(self) -> NDArray[np.int64]:
+        """Spikes at which each pool spikes, (grid, grid)."""
+        places = np.arange(self.grid)
+        heard = np.minimum(places + self.reach, self.grid - 1) - np.maximum(places - self.reach, 0) + 1
+        return -(-self.budget * np.outer(heard, heard) // (2 * self.reach + 1) ** 2)
+
+    @cached_property
+    def numbers(self) -> RaceNumbers:
+        """What the kernel reads of all this."""
+        if 2 * self.filter_threshold << INPUT_SHIFT >= STATE_LIMIT:  # the largest response, and the whole race on it
+            raise ConfigError("the front end's filters could leave 24 bits; use a smaller unit")
+        steps = np.searchsorted(-self.grey_levels, -np.arange(256))
+        return RaceNumbers(
+            filters=np.ascontiguousarray(self.filters.transpose(1, 2, 0) << INPUT_SHIFT, np.int32),
+            pixel_steps=steps.astype(np.int64),
+            levels=self.levels,
+            clock=(self.filter_clock << INPUT_SHIFT).astype(np.int32),
+            threshold=np.int32(self.filter_threshold << INPUT_SHIFT),
+            budgets=self.budgets,
+            apart=self.apart,
+            reach=self.reach,
+            most=self.most,
+            columns=COLUMNS,
+        )
+
+    def seen(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """``image`` (h, w) or (h, w, 3) BGR as the pixels take it, grey, uint8 (height, width)."""
+        small = averaged(image, self.width, self.height)
+        return small if small.ndim == 2 else np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.uint8)
+
+    def spikes(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+        """The spikes of cells, int32 (orientations, grid, grid), and of each population after the clock, int64 (6,)."""
+        counts, spikes = counted(self.seen(image), self.numbers)
+        return counts, spikes
+
+
+FRONT_END = FrontEnd()
+"""The front end of the input ``frontend``."""

@@ -1,0 +1,104 @@
+"""The spiking front end: the kernel's spikes are those of its populations, and what a front end must do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+from numpy.typing import NDArray
+from support.literal import front_end as literal
+
+from lava_vpr.encoding import encode_arrays
+from lava_vpr.errors import ConfigError
+from lava_vpr.inputs.encoder import EncoderConfig
+from lava_vpr.inputs.front_end import FRONT_END, FrontEnd
+from lava_vpr.synthetic.world import World, render
+
+
+def images(seed: int, spec: FrontEnd) -> NDArray[np.uint8]:
+    """Four images with much contrast and little, in part of one grey level, uint8 (4, height, width)."""
+    rng = np.random.default_rng(seed)
+    shape, least, most = (4, spec.height, spec.width), *np.sort(rng.integers(0, 256, 2)).tolist()
+    drawn = rng.integers(least, most + 1, shape)
+    drawn[1] = np.where(drawn[1] > (least + most) // 2, 255, 0)
+    drawn[2, :, : spec.width // 2] = least
+    drawn[3] = np.linspace(least, most, spec.width)
+    return drawn.astype(np.uint8)
+
+
+@pytest.mark.quick(1)
+@pytest.mark.parametrize("width", [8, 16])
+@settings(max_examples=4, deadline=None)
+@given(
+    seed=st.integers(0, 1 << 32),
+    reach=st.integers(0, 2),
+    budget=st.integers(1, 60),
+    levels=st.integers(2, 32),
+    race=st.integers(1, 16),
+    most=st.integers(1, 15),
+)
+def test_the_kernel_spikes_as_the_populations_do(width: int, seed: int, **numbers: int) -> None:
+    spec = FrontEnd(width, **numbers)
+    shown = images(seed, spec)
+    films = literal.spikes(spec, shown)
+    assert (films[literal.CLOCK] == 1).all()
+    assert (films[literal.PIXELS] == 1).all()
+    assert films[literal.CELLS].max() <= spec.most
+    for number, image in enumerate(shown):
+        counts, spikes = spec.spikes(image)
+        assert np.array_equal(counts.ravel(), films[literal.CELLS][number])
+        assert spikes.tolist() == [film[number].sum() for film in films[1:]]
+
+
+def test_what_a_presentation_takes_is_within_what_was_asked() -> None:
+    assert FRONT_END.steps == 52 <= 64
+    assert FRONT_END.accesses == 2_039_336 <= 1 << 21
+    assert FRONT_END.most == 7
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [
+        ({"width": 18}, r"^a front end's width is 18, but must be a multiple of 4$"),
+        ({"cell": 2}, r"^a front end's cell is 2, but must be a multiple of 4$"),
+        ({"orientations": 4}, r"^a front end's orientations is 4, but must be a multiple of 8$"),
+        ({"levels": 60}, r"^a presentation of 80 steps is longer than 64; use fewer levels$"),
+    ],
+)
+def test_what_does_not_fit_is_refused(numbers: dict[str, int], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        FrontEnd(**numbers)
+
+
+def test_a_unit_beyond_24_bits_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"^the front end's filters could leave 24 bits; use a smaller unit$"):
+        _ = FrontEnd(unit=100).numbers
+
+
+def test_an_image_without_contrast_is_silent_and_one_turned_dark_is_the_same() -> None:
+    """A negative has other levels of the logarithm, but edges where there were some."""
+    assert not activity(np.full((48, 64), 90, np.uint8)).any()
+    image = render(World(0), 3, "summer")
+    edges, negative = activity(image), activity(255 - image)
+    assert 0 < edges.max() <= FRONT_END.most
+    assert ((edges > 0) == (negative > 0)).mean() > 0.8
+
+
+@pytest.mark.parametrize("k", range(8))
+def test_a_channel_sees_edges_of_its_direction(k: int) -> None:
+    """A grating whose gradient runs at 22.5 k degrees, in pixels that are twice as high as they are wide."""
+    angle = np.pi * k / 8
+    y, x = np.mgrid[:32, :64]
+    wave = np.sin((x * np.cos(angle) + 2 * y * np.sin(angle)) * 2 * np.pi / 16)
+    channels = activity((128 + 100 * wave).astype(np.uint8)).reshape(8, -1).sum(axis=1)
+    assert channels.argmax() == k
+
+
+def test_contrast_changes_little_because_what_is_around_divides() -> None:
+    image = render(World(0), 5, "summer").astype(float)
+    full, half = activity(image.astype(np.uint8)), activity((128 + (image - 128) / 2).astype(np.uint8))
+    assert np.corrcoef(full, half)[0, 1] > 0.8
+
+
+def activity(image: NDArray[np.uint8]) -> NDArray[np.float32]:
+    return encode_arrays([image], EncoderConfig(kind="frontend"))[0].activity[0]
