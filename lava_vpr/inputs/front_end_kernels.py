@@ -117,21 +117,20 @@ def _filter_steps(grey: NDArray[np.uint8], numbers: RaceNumbers) -> NDArray[np.i
 
 
 @compiled(nogil=True)
-def counted(grey: NDArray[np.uint8], numbers: RaceNumbers) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def raced(times: NDArray[np.int32], numbers: RaceNumbers) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """Spikes of the cells, int32 (orientations, grid, grid), and of all pixels, filters, pairs, onsets, cells and pools
     together, int64 (6,).
 
     Args:
-        grey: The image, uint8 (rows, columns).
+        times: The step in which each filter spikes, int32 (rows, columns, directions).
         numbers: The front end.
     """
-    times = _filter_steps(grey, numbers)
     height, sites, directions = times.shape
     grid, channels = len(numbers.budgets), directions // 2
     tall, wide = height // grid, sites // grid
     first = np.full((channels, grid, grid), NEVER, np.int32)
     spikes = np.zeros(6, np.int64)
-    spikes[0] = grey.size
+    spikes[0] = height * sites * numbers.columns
     for y in range(height):
         for x in range(sites):
             here = times[y, x]
@@ -167,3 +166,9 @@ def counted(grey: NDArray[np.uint8], numbers: RaceNumbers) -> tuple[NDArray[np.i
                         new[row, column] += 1
                 spikes[4] += new[row, column]
     return counts, spikes
+
+
+@compiled(nogil=True)
+def counted(grey: NDArray[np.uint8], numbers: RaceNumbers) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """What `raced` counts where filters see an image, uint8 (rows, columns)."""
+    return raced(_filter_steps(grey, numbers), numbers)

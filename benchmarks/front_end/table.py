@@ -1,0 +1,169 @@
+"""The spiking front end: its forms and numbers side by side, and the chosen one beside the orientation channels.
+
+    LAVA_VPR_DATA=... python -m benchmarks front_end.table [--record]
+
+Nordland, summer learned and winter asked, exact matches. Forms were chosen on places 0:200 in both directions and on
+Gardens Point 0:50; the five sections and all 500 places are printed. Templates stand behind every form, with seed 0,
+and STDP behind the chosen one. What is counted of a presentation: its steps, neurons times steps, and the spikes of all
+populations but the clock, a mean of the references.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+import click
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.places import FOLDERS, SECTIONS, TEMPLATES, answer, encoded, images_of, learn
+from benchmarks.program import BenchmarkTable, Printed, fraction, program, recall, seeds_option
+from lava_vpr.cluster.tasks import Pool
+from lava_vpr.config import Config, preset
+from lava_vpr.configfile import update
+from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.engine.presentations import cores
+from lava_vpr.inputs.front_end import COLUMNS, FRONT_END, FrontEnd
+from lava_vpr.inputs.front_end_kernels import NEVER, raced
+from lava_vpr.matching.evaluation import Recall
+from lava_vpr.recognition import DECODERS_ONLY, recognise
+from lava_vpr.training.loop import train
+from lava_vpr.traverse import open_traverse
+
+Shown = tuple[NDArray[np.int32], NDArray[np.int64]]
+Form = Callable[[FrontEnd, NDArray[np.uint8]], Shown]
+RIVALRY = 1.93
+"""What the response of the direction at right angles takes, where directions inhibit each other."""
+CONFIG = update(preset("loihi"), {"encoder": {"kind": "frontend"}, "learning": TEMPLATES})
+
+
+def in_pairs(spec: FrontEnd, image: NDArray[np.uint8]) -> Shown:
+    """As the front end is."""
+    return spec.spikes(image)
+
+
+def responses(spec: FrontEnd, image: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """What filters integrate, (rows, columns, directions)."""
+    level = (spec.levels - 1 - spec.numbers.pixel_steps[spec.seen(image)]).astype(np.float64)
+    found = [cv2.filter2D(level, -1, one.astype(float), borderType=cv2.BORDER_REPLICATE) for one in spec.filters]
+    return np.stack(found, axis=-1)[:, ::COLUMNS]
+
+
+def race_of(spec: FrontEnd, drive: NDArray[np.float64]) -> Shown:
+    """The race of neurons with such drives, each by itself."""
+    steps = (drive[..., None] <= spec.responses).sum(axis=-1)
+    times = np.where(steps < spec.race, spec.levels + steps, NEVER).astype(np.int32)
+    return raced(np.ascontiguousarray(times), spec.numbers._replace(apart=0))
+
+
+def alone(spec: FrontEnd, image: NDArray[np.uint8]) -> Shown:
+    """Filters without pairs, in whose place a relay passes each spike on."""
+    return race_of(spec, responses(spec, image))
+
+
+def inhibited(spec: FrontEnd, image: NDArray[np.uint8]) -> Shown:
+    """Filters tell their responses by one spike each, in as many steps as pixels have, and take from those at right
+    angles; then what is left races."""
+    unit = spec.filter_threshold / spec.levels
+    told = np.floor(np.maximum(responses(spec, image), 0) / unit)
+    across = np.roll(told, spec.directions // 4, axis=-1) + np.roll(told, -spec.directions // 4, axis=-1)
+    return race_of(spec, unit * (told - RIVALRY * across))
+
+
+FORMS: Mapping[str, tuple[Form, FrontEnd, int]] = {
+    "as it is": (in_pairs, FRONT_END, 0),
+    "race of 8 steps": (in_pairs, dataclasses.replace(FRONT_END, race=8), 0),
+    "race of 20 steps": (in_pairs, dataclasses.replace(FRONT_END, race=20), 0),
+    "16 levels of a pixel": (in_pairs, dataclasses.replace(FRONT_END, levels=16), 0),
+    "16 levels, a race of 8 steps": (in_pairs, dataclasses.replace(FRONT_END, levels=16, race=8), 0),
+    "at most 3 spikes of a cell": (in_pairs, dataclasses.replace(FRONT_END, most=3), 0),
+    "a budget of 60": (in_pairs, dataclasses.replace(FRONT_END, budget=60), 0),
+    "a budget of 240": (in_pairs, dataclasses.replace(FRONT_END, budget=240), 0),
+    "no pools": (in_pairs, dataclasses.replace(FRONT_END, budget=1 << 16), 0),
+    "filters without pairs": (alone, FRONT_END, 0),
+    "inhibition in a phase of its own": (inhibited, FRONT_END, FRONT_END.levels),
+}
+"""Forms: what counts spikes, its numbers, and how many steps it takes more."""
+
+
+@lru_cache(maxsize=2)
+def images(season: str) -> list[NDArray[np.uint8]]:
+    """All images of a season."""
+    return list(open_traverse(images_of("nordland", season)).images())
+
+
+def seen(form: Form, spec: FrontEnd, season: str) -> tuple[EncodedTraverse, float]:
+    """A season as a form sees it, and the mean of an image's spikes."""
+    shown = [form(spec, image) for image in images(season)]
+    activity = np.array([counts.ravel() for counts, _ in shown], np.float32)
+    kept = dataclasses.replace(encoded(season, CONFIG.encoder), activity=activity)
+    return kept, float(np.mean([spikes.sum() for _, spikes in shown]))
+
+
+def metrics(references: EncodedTraverse, queries: EncodedTraverse, config: Config, part: slice) -> Recall:
+    """Figures of some places."""
+    model, asked = train([references.take(part)], config, pool=Pool(cores())), queries.take(part)
+    found = recognise(model, asked, np.eye(len(asked), dtype=bool), DECODERS_ONLY, pool=Pool(cores()))
+    return Recall.of(found.metrics[config.decoder.default])
+
+
+def recalled(references: EncodedTraverse, queries: EncodedTraverse, config: Config) -> list[str]:
+    """R@1 and R@100P of the sections, their means, and R@1 of all places in one map."""
+    found = [metrics(references, queries, config, slice(*part)) for part in SECTIONS]
+    means = [float(np.mean([getattr(one, name) for one in found])) for name in Recall._fields[:2]]
+    whole = metrics(references, queries, config, slice(0, 500))
+    return [fraction(value) for value in (*means, whole.recall_at_1)]
+
+
+HEADS = [
+    "form",
+    "steps",
+    "accesses, millions",
+    "spikes",
+    "R@1 of five sections",
+    "R@100P",
+    "R@1 of 500 in one map",
+]
+
+
+@program("nordland")
+@click.option("--chosen", is_flag=True, help="Only the form that was chosen, with STDP and each seed.")
+@seeds_option
+def main(seeds: Sequence[int], chosen: bool) -> Printed:
+    """Recall, steps, accesses and spikes of forms of the front end."""
+    if not chosen:
+        yield forms()
+    yield learned_by_spikes(seeds)
+
+
+def forms() -> BenchmarkTable:
+    """Every form, with templates."""
+    rows: list[list[Any]] = []
+    for name, (form, spec, more) in FORMS.items():
+        (references, spikes), (queries, _) = (seen(form, spec, season) for season in FOLDERS["nordland"])
+        steps = spec.steps + more
+        accesses = sum(spec.populations.values()) * steps / 1e6
+        costs = [str(steps), f"{accesses:.2f}", f"{spikes:,.0f}"]
+        rows.append([name, *costs, *recalled(references, queries, CONFIG)])
+    plain = update(preset("loihi"), {"learning": TEMPLATES})
+    host = [encoded(season, plain.encoder) for season in FOLDERS["nordland"]]
+    rows.append(["`orientation`, on the host", "", "", "", *recalled(host[0], host[1], plain)])
+    return BenchmarkTable(HEADS, rows, record="front-end")
+
+
+def learned_by_spikes(seeds: Sequence[int]) -> BenchmarkTable:
+    """The chosen form with STDP and several seeds, beside HOG of the same images."""
+    config, found = preset("loihi"), []
+    config = update(config, {"encoder": {"kind": "frontend"}})
+    for seed in seeds:
+        own = dataclasses.replace(config, seed=seed)
+        found.append([answer(learn(part, own), part, rivals=("hog",)).metrics for part in (*SECTIONS, (0, 500))])
+    rows = []
+    for name, key in (("`frontend`", config.decoder.default), ("HOG", "hog")):
+        sections = [one[key] for row in found for one in row[:-1]]
+        rows.append([name, recall(sections), recall([row[-1][key] for row in found])])
+    return BenchmarkTable(["matcher", "five sections", "500 in one map"], rows, record="front-end-seeds")
