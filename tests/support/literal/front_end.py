@@ -1,4 +1,7 @@
-"""The spiking front end as populations and synapses of the general simulator, every neuron in every step."""
+"""The spiking front end as populations and synapses of the general simulator, every neuron in every step.
+
+Used by inputs.
+"""
 
 from __future__ import annotations
 
