@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from benchmarks.places import TEMPLATES, PlacesSection, places
 from benchmarks.program import BenchmarkTable, Printed, program, recall, seeds_option
 from benchmarks.results.rows import TAU
+from lava_vpr import Localizer, train as train_images
 from lava_vpr.backends import teaching
-from lava_vpr.backends.answering import Turn, in_turn, teachers
+from lava_vpr.backends.answering import Turn, in_turn, paired, teachers
 from lava_vpr.backends.asking import Asker, Asking, calibration_of
 from lava_vpr.backends.interface import HostBackend
 from lava_vpr.cluster.tasks import Pool
@@ -35,10 +36,14 @@ from lava_vpr.engine.presentations import cores
 from lava_vpr.matching.answers import InBlocks, Together, hold
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.forward_filter import NONE
+from lava_vpr.matching.probability import Calibration, reliability
 from lava_vpr.model import Model
 from lava_vpr.recognition import Comparison, recognise
+from lava_vpr.synthetic.world import World, render
 from lava_vpr.training.loop import train
 
+OFF = -9
+"""The place of an image that shows none."""
 ADAPTING = Asking(adapt=TAU)
 LEARNING = Asking(adapt=TAU, learn=True)
 RULES = {"STDP": preset("loihi"), "templates": update(preset("loihi"), {"learning": TEMPLATES})}
@@ -177,6 +182,57 @@ def carried(seeds: Sequence[int]) -> BenchmarkTable:
     return BenchmarkTable(columns, rows, record="season-carried")
 
 
+def known(seeds: Sequence[int]) -> BenchmarkTable:
+    """What a part of the route teaches in another season, its places known; for other places, frozen."""
+    rows = []
+    for here, there in ((NEAR, FAR), (FAR, NEAR)):
+        cells: list[list[Metrics]] = [[], []]
+        taught = 0
+        for seed in seeds:
+            model, other = learned(here, "STDP", seed), learned(there, "STDP", seed)
+            queries = places(here.section, 1 - here.season, model.config)[0]
+            season = paired(model, queries, np.arange(len(queries)), Pool(cores()))
+            taught += season.taught
+            for kept, how in zip(cells, (ADAPTING, dataclasses.replace(ADAPTING, season=season)), strict=True):
+                kept.append(figures(driven(other, there, how).scores, there))
+        rows.append([str(here), f"{taught / len(seeds):.0f}", str(there), *map(recall, cells)])
+    columns = ["pairs of", "taught", "asked", "adapted", "and that season, frozen"]
+    return BenchmarkTable(columns, rows, record="season-known")
+
+
+def assured(seeds: Sequence[int]) -> BenchmarkTable:
+    """Whether probabilities hold under gains, and what is recalled before the surest errors; all is on the map."""
+    rows = []
+    for section in (PlacesSection("nordland_all", 500, 1000), FAR.section):
+        for season, asked in enumerate(("winter", "summer")):
+            way, row = SeasonedMap(section, season), [f"{section.end - section.first:,} places, {asked} asked"]
+            models = [learned(way, "STDP", seed) for seed in seeds]
+            calibrations = [calibration_of(model, Pool(cores())) for model in models]
+            for how in (ADAPTING, LEARNING):
+                drives = [driven(model, way, how) for model in models]
+                row += assurance([drive.scores for drive in drives], calibrations)
+            rows.append(row)
+    heads = ("calibration error", "right / accepted at .95", "recalled before error 1 / 2 / 3")
+    columns = ["map", *(f"{how}: {head}" for how in ("adapted", "gains") for head in heads)]
+    return BenchmarkTable(columns, rows, record="season-assured")
+
+
+def assurance(scores: Sequence[NDArray[np.float64]], calibrations: Sequence[Calibration | None]) -> list[str]:
+    """Cells of one way to ask, means over seeds: scores (n, places), of which query i shows place i."""
+    found = []
+    for some, known in zip(scores, calibrations, strict=True):
+        if known is None:
+            raise TypeError("an integer model has a calibration")
+        chances, right = known.probabilities(some, 0.0), some.argmax(axis=1) == np.arange(len(some))
+        good = chances >= known.keeping(0.95, 0.0).probability
+        best = np.sort(some, axis=1)
+        order = np.argsort(best[:, -2] - best[:, -1], kind="stable")
+        before = [np.flatnonzero(~right[order])[k] - k for k in range(3)]
+        found.append((reliability(chances, right)[1], right[good].mean(), good.mean(), *np.array(before) / len(some)))
+    error, precision, accepted, *recalled = (100 * np.mean(found, axis=0)).tolist()
+    return [f"{error:.1f}", f"{precision:.1f} / {accepted:.1f}", " / ".join(f"{value:.1f}" for value in recalled)]
+
+
 def astray(seeds: Sequence[int]) -> BenchmarkTable:
     """What teaches on the map, and on a map that has none of the places: after nothing, and after a drive on it."""
     rows = []
@@ -201,6 +257,27 @@ def astray(seeds: Sequence[int]) -> BenchmarkTable:
         f"sure of any {RECENT} answers, %",
     ]
     return BenchmarkTable(columns, rows, record="season-astray")
+
+
+def guarded() -> BenchmarkTable:
+    """What a drive through the synthetic world teaches in other seasons, stuck, and off the map."""
+    world, other = World(0, 100), World(1, 100)
+    model = train_images(np.stack([render(world, place, "summer") for place in range(100)]))
+    drives = {season: [(render(world, k, season), k) for k in range(100)] for season in ("winter", "rain", "night")}
+    half, away = drives["winter"][:50], [(render(other, k, "winter"), OFF) for k in range(100)]
+    drives |= {"stuck, after 50 images": half + half[-1:] * 100, "off the map, after 50 images": half + away}
+    rows = []
+    for name, drive in (drives | {"off the map": away}).items():
+        robot, taught, wrong = Localizer(model, learn=True), 0, 0
+        for number, (image, place) in enumerate(drive):
+            before = robot.season
+            match, after = robot.update(image), robot.season
+            if before is None or after is None:
+                raise TypeError("a robot that learns knows a season")
+            teaches = after.taught > before.taught and number >= len(drive) - 100
+            taught, wrong = taught + teaches, wrong + (teaches and abs(match.place - place) > 1)
+        rows.append([name, f"{taught} / {wrong}"])
+    return BenchmarkTable(["100 images", "taught / wrong"], rows, record="season-guard")
 
 
 def settings(seeds: Sequence[int]) -> BenchmarkTable:
@@ -232,4 +309,7 @@ def main(seeds: Sequence[int], chosen: bool) -> Printed:
         return
     yield from compared(seeds)
     yield carried(seeds)
+    yield known(seeds)
+    yield assured(seeds)
     yield astray(seeds)
+    yield guarded()
