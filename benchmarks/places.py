@@ -160,6 +160,6 @@ def recognised(
     return list(compute(of_seed, seeds).values())
 
 
-def learned(section: PlacesSection, config: Config) -> Model:
-    """A model of a section."""
-    return train(places(section, 0, config), config, pool=Pool(cores()))
+def learned(section: PlacesSection, config: Config, which: int = 0) -> Model:
+    """A model of a section, from its references, or in the other season, from its queries."""
+    return train(places(section, which, config), config, pool=Pool(cores()))

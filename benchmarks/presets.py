@@ -2,8 +2,9 @@
 
     LAVA_VPR_DATA=... python -m benchmarks presets [--log benchmarks/presets.log]
 
-It sees places 0:200 of Nordland (as two sections and as one model) and 0:50 of Gardens Point (within two places), and
-seeds that no table uses; everything else is computed once, by `make results`. Three stages, each a coordinate descent
+It sees places 0:200 of Nordland (as two sections and as one model) and 0:50 of Gardens Point (within two places), each
+season asked of the map of the other, and seeds that no table uses; everything else is computed once, by `make results`.
+Three stages, each a coordinate descent
 in the order of `ENCODER`, `LEARNING` and `NETWORK`: settings take their values in turn, round after round, and a value
 is kept if it raises the score by more than `MARGIN` points. The encoder is chosen with templates, so that learning does
 not speak for it; learning with the network of the search's start; then each preset of `GOALS` has its network chosen
@@ -14,6 +15,7 @@ setting that was tried.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,20 +26,20 @@ import numpy as np
 from benchmarks.places import TEMPLATES, PlacesSection, learned, places
 from benchmarks.program import MARGIN, RECALL, Log, Printed, program, recalls
 from lava_vpr.config import Config, preset
-from lava_vpr.configfile import update
+from lava_vpr.configfile import to_dict, update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import InputError
 from lava_vpr.experiments.search import Settings, Trial, descend
-from lava_vpr.experiments.task import Case, configured, current, figures, run_of
+from lava_vpr.experiments.task import Case, Run, configured, current, figures, run_of
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.matching.baselines import cosine_similarities
 from lava_vpr.matching.evaluation import Recall
 from lava_vpr.model import Model
 
-SEEDS = tuple(range(3, 11))
-FRESH = tuple(range(11, 19))
+SEEDS = tuple(range(3, 7))
+FRESH = tuple(range(11, 15))
 """Seeds with which a network that won must win again: the luckiest of many is not the best."""
 ENERGY_OF = 2
 """So many sections decide about energy, those of 100 places: what presets promise is per query of 100 places."""
@@ -48,37 +50,42 @@ PLACES = {
     PlacesSection("gardens", 0, 50): 2,
 }
 """How many places off an answer may be, by what is learned."""
-WEIGHTS = np.array(((0.25,), (0.25,), (0.35,), (0.15,))) * RECALL
-"""What R@1, R@100P and AUC of each of `PLACES` count in the score."""
+SEASONS = (0, 1)
+"""The season that is learned; the other one is asked."""
+WEIGHTS = np.repeat(np.array(((0.25,), (0.25,), (0.35,), (0.15,))) * RECALL / len(SEASONS), len(SEASONS), axis=0)
+"""What R@1, R@100P and AUC of each of `PLACES`, learned in each of `SEASONS`, count in the score."""
 CEILING = 0.1
 """What R@1 of `cosine` of the same inputs counts where networks are chosen: what the inputs carry, for longer maps."""
-MOST_INPUTS = 2048
+MOST_INPUTS = 4096
 
 ENCODER: Mapping[str, Sequence[Any]] = {
-    "image_size, cell": ((64, 4), (48, 4), (56, 4), (72, 6), (80, 5), (96, 6)),
-    "window": (9, 13, 17, 21),
+    "image_size, cell, orientations, query_inputs": (
+        *((64, 4, orientations, 65 * orientations) for orientations in (8, 10, 12, 14, 16)),
+        *((52, 4, 12, 520), (65, 5, 12, 520), (56, 4, 10, 490), (56, 4, 12, 600), (56, 4, 16, 800)),
+        *((96, 6, 12, 780), (80, 5, 12, 780), (72, 6, 14, 520), (84, 6, 10, 490)),
+    ),
+    "window": (9, 13, 17, 21, 25),
     "blur": (0.0, 0.7, 1.0),
     "pool_floor": (0.05, 0.1, 0.2),
-    "orientations": (6, 8),
 }
 LEARNING: Mapping[str, Sequence[Any]] = {
-    "trains": ("poisson", "regular"),
+    "train_spikes": (12.0, 18.0, 24.0, 30.0),
     "consolidation_x_target, consolidation_eta": (
-        *((0.0, eta) for eta in (0.012, 0.02, 0.03, 0.05)),
-        *((target, eta) for target in (0.3, 0.6, 0.9) for eta in (0.012, 0.03)),
+        *((0.0, eta) for eta in (0.02, 0.03, 0.05)),
+        (0.3, 0.03),
+        (0.6, 0.03),
     ),
     "consolidation_tau_trace": (5.0, 10.0, 20.0),
-    "epochs": (6, 8, 12),
-    "threshold": (2.0, 3.0, 5.0, 7.0, 10.0),
-    "theta_plus": (0.2, 0.3, 0.5),
+    "epochs": (8, 12),
+    "threshold": (5.0, 10.0, 15.0),
 }
 NETWORK: Mapping[str, Sequence[Any]] = {
     "threshold": (0.35, 0.5, 0.7, 1.0, 1.4),
-    "inhibition": (0.35, 0.5, 0.67, 1.0, 1.5, 2.0),
-    "tau_membrane": (8, 12, 20, 40),
-    "query_inputs": (420, 520, 800, 1200, 2048),
-    "weight_bits, query_spikes": tuple((bits, spikes) for bits in (2, 3) for spikes in (12, 14, 16, 18, 20)),
-    "prune, query_spikes": tuple((share, spikes) for share in (0.25, 0.5) for spikes in (16, 18, 20)),
+    "inhibition": (0.35, 0.67, 1.0, 1.5),
+    "tau_membrane": (8, 12, 20),
+    "query_inputs": (420, 520, 780, 1040, 3072),
+    "weight_bits, query_spikes": tuple((bits, spikes) for bits in (2, 3) for spikes in (12, 16, 20, 25, 30)),
+    "prune, query_spikes": tuple((share, spikes) for share in (0.25, 0.5) for spikes in (16, 20, 25)),
 }
 """Names and the values that they take in turn; names with a comma between them take values together."""
 
@@ -107,6 +114,7 @@ GOALS = {
     "loihi": Goal(128, np.inf, {"query_inputs": 520, "query_spikes": 20}),
     "balanced": Goal(64, 4.0, {"query_inputs": 420, "query_spikes": 14, "threshold": 0.7}),
     "fast": Goal(32, 1.6, {"query_inputs": 420, "query_spikes": 16, "weight_bits": 2, "threshold": 0.35}),
+    "accurate": Goal(128, np.inf, {"query_inputs": 780, "query_spikes": 25}),
 }
 
 
@@ -114,14 +122,16 @@ class PresetMeans(NamedTuple):
     """Means over seeds of one setting.
 
     Attributes:
-        figures: (R@1, R@100P, AUC) of each of `PLACES`, in percent.
-        ceiling: R@1 of `cosine` of the same inputs, mean over `PLACES`, in percent; 0 where it does not count.
+        figures: (R@1, R@100P, AUC) of each of `PLACES`, learned in each of `SEASONS`, in percent.
+        ceiling: R@1 of `cosine` of the same inputs, mean over these, in percent; 0 where it does not count.
         microjoules: Modelled energy of a query.
+        kilobytes: Synapse memory of a place on Kapoho Bay.
     """
 
     figures: np.ndarray[Any, np.dtype[np.float64]]
     ceiling: float
     microjoules: float
+    kilobytes: float
 
     @property
     def score(self) -> float:
@@ -129,18 +139,18 @@ class PresetMeans(NamedTuple):
         return float((WEIGHTS * self.figures).sum() + CEILING * self.ceiling)
 
     def __str__(self) -> str:
-        rest = f"{self.ceiling:5.1f}  {self.microjoules:6.2f} uJ  score {self.score:6.2f}"
-        return f"{recalls(self.figures)}  {rest}"
+        costs = f"{self.microjoules:6.2f} uJ  {self.kilobytes:5.2f} kB"
+        return f"{recalls(self.figures)}  {self.ceiling:5.1f}  {costs}  score {self.score:6.2f}"
 
 
 def cases_of(config: Config, seeds: Sequence[int] = SEEDS) -> list[Case]:
-    """A model of each of `PLACES` for each of ``seeds``, with its queries."""
+    """A model of each of `PLACES`, learned in each of `SEASONS`, for each of ``seeds``, with its queries."""
     cases = []
-    for section, tolerance in PLACES.items():
+    for (section, tolerance), season in itertools.product(PLACES.items(), SEASONS):
         numbers = np.arange(section.end - section.first)
         truth = np.abs(numbers[:, None] - numbers) <= tolerance
-        (queries,) = places(section, 1, config, ViewsConfig())
-        models = (learned(section, dataclasses.replace(config, seed=seed)) for seed in seeds)
+        (queries,) = places(section, 1 - season, config, ViewsConfig())
+        models = (learned(section, dataclasses.replace(config, seed=seed), season) for seed in seeds)
         cases += [Case(model, queries, truth) for model in models]
     return cases
 
@@ -149,16 +159,24 @@ def preset_means(cases: Sequence[Case], settings: Mapping[str, float], ceiling: 
     """What the models of ``cases`` recall with ``settings``."""
     runs = [run_of(case, dict(settings), KAPOHO_BAY, cores()) for case in cases]
     results = [figures(run, (np.inf,))[0] for run in runs]
-    of_places = np.array([Recall.of(one.metrics) for one in results]).reshape(len(PLACES), len(SEEDS), 3).mean(axis=1)
-    energy = np.mean([one.microjoules for one in results[: ENERGY_OF * len(SEEDS)]])
+    of_places = np.array([Recall.of(one.metrics) for one in results]).reshape(-1, len(SEEDS), 3).mean(axis=1)
+    costed = slice(ENERGY_OF * len(SEASONS) * len(SEEDS))
+    energy = float(np.mean([one.microjoules for one in results[costed]]))
+    memory = float(np.mean([_kilobytes(run) for run in runs[costed]]))
     firsts = range(0, len(cases) if ceiling else 0, len(SEEDS))
     ceilings = [_ceiling(cases[k], runs[k].model) for k in firsts]
-    return PresetMeans(100 * of_places, 100 * float(np.mean(ceilings or 0.0)), float(energy))
+    return PresetMeans(100 * of_places, 100 * float(np.mean(ceilings or 0.0)), energy, memory)
 
 
 def as_learned(cases: Sequence[Case]) -> PresetMeans:
     """What models recall as they are."""
     return preset_means(cases, current(cases[0].model), ceiling=False)
+
+
+def _kilobytes(run: Run) -> float:
+    """Synapse memory of a place."""
+    words = sum(core.needs.synapse_words or 0 for core in run.plan.cores)
+    return 8 * words / 1000 / run.model.places
 
 
 def _ceiling(case: Case, model: Model) -> float:
@@ -194,22 +212,29 @@ def better(
     return wins
 
 
-def held(part: Any, values: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
-    """The settings of ``part`` that ``values`` names."""
-    return {name: getattr(part, name) for names in values for name in names.split(", ")}
+def held(base: Config, part: str, values: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
+    """The settings that ``values`` names, those of a part of ``base``, or of its encoder where the part has none."""
+    settings = to_dict(base)
+    return {name: (settings["encoder"] | settings[part])[name] for names in values for name in names.split(", ")}
+
+
+def sections(part: str, settings: Settings) -> dict[str, Any]:
+    """``settings`` by section: what learning shows, ``train_spikes``, is a setting of the encoder."""
+    shown = {name: value for name, value in settings.items() if name == "train_spikes"}
+    return {"encoder": shown} | {part: {name: value for name, value in settings.items() if name not in shown}}
 
 
 def choose(base: Config, part: str, values: Mapping[str, Sequence[Any]], log: Log) -> Config:
     """``base`` with the settings of a part that serve best: the encoder's with templates, or those of learning."""
 
     def measure(settings: Settings) -> PresetMeans:
-        config = update(base, {part: settings} | ({"learning": TEMPLATES} if part == "encoder" else {}))
+        config = update(base, sections(part, settings) | ({"learning": TEMPLATES} if part == "encoder" else {}))
         if config.encoder.inputs > MOST_INPUTS:
             raise InputError(f"{config.encoder.inputs:,} inputs; choose at most {MOST_INPUTS:,}")
         return as_learned(cases_of(config))
 
-    trials = descend(held(getattr(base, part), values), values, measure, better(log))
-    return update(base, {part: log.chosen(trials, str)})
+    trials = descend(held(base, part, values), values, measure, better(log))
+    return update(base, sections(part, log.chosen(trials, str)))
 
 
 def choose_network(base: Config, cases: Sequence[Case], fresh: Sequence[Case], goal: Goal, log: Log) -> Config:
@@ -237,11 +262,16 @@ STAGES = ("encoder", "learning", "network", "recruiting")
 @click.option("--log", "path", type=click.Path(path_type=Path), default=Path("benchmarks/presets.log"))
 @click.option("--stage", "stages", type=click.Choice(STAGES), multiple=True, default=STAGES, show_default=True)
 @click.option("--preset", "names", type=click.Choice(list(GOALS)), multiple=True, help="Networks to choose (all).")
-def main(path: Path, stages: Sequence[str], names: Sequence[str]) -> Printed:
+@click.option("--orientations", type=int, default=0, help="Start from so many orientations, and spikes to match.")
+def main(path: Path, stages: Sequence[str], names: Sequence[str], orientations: int) -> Printed:
     """Choose the presets' settings, and log all that was tried; a stage that is left out stands as presets have it."""
     log, titles = Log(path), ", ".join(map(str, PLACES))
-    log.write(f"R@1/R@100P/AUC of {titles}; R@1 of cosine; seeds {', '.join(map(str, SEEDS))}; * kept")
+    log.write(f"R@1/R@100P/AUC of {titles}, each learned in summer and in winter; R@1 of cosine, where networks are")
+    log.write(f"chosen; modelled energy; synapse memory of a place; seeds {', '.join(map(str, SEEDS))}; * kept")
     config = update(preset("loihi"), {name: START[name] for name in ("encoder", "network")})
+    if orientations:
+        of_each = {"orientations": orientations, "query_inputs": 65 * orientations, "train_spikes": 1.5 * orientations}
+        config = update(config, {"encoder": of_each})
     if "encoder" in stages:
         log.write("encoder, with templates")
         config = choose(config, "encoder", ENCODER, log)

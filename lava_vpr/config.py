@@ -299,6 +299,12 @@ PRESETS = {
         encoder=EncoderConfig(query_spikes=16.0, query_inputs=420),
         network=LifNetwork(steps=32, weight_bits=2, threshold=0.35),
     ),
+    # Finer orientations, spikes to match, and weights less what a place shares with its surroundings: for long maps.
+    "accurate": Config(
+        preset="accurate",
+        encoder=EncoderConfig(orientations=12, train_spikes=18.0, query_spikes=25.0, query_inputs=780),
+        network=LifNetwork(surroundings=16),
+    ),
     "paper": Config(
         preset="paper",
         stretch=0,

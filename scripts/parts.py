@@ -103,9 +103,11 @@ def eval_keys() -> str:
 INTEGER = [name for name in PRESETS if name != "paper"]
 ROWS = (
     "`network.steps`: a presentation, silent steps included",
-    "`encoder.query_inputs`: of 2048, those that respond most",
-    "`encoder.query_spikes`: input spikes a step",
+    "`encoder.orientations`, in each of 16 x 16 cells",
+    "`encoder.query_inputs`: those that respond most",
+    "`encoder.train_spikes`, `query_spikes`: input spikes a step",
     "`network.signed`, `weight_bits`",
+    "`network.surroundings`, places on either side",
     "`network.threshold`, in U",
     "`network.inhibition`, in U",
     "`network.tau_membrane`, in steps",

@@ -74,7 +74,9 @@ RIDDEN = {
     for title, views in VIEWS.items()
     if views
 }
-ENERGY_OF = LEARNED | {
+TIMED = ("loihi", "balanced", "fast")
+"""The presets of which a whole query has been timed."""
+ENERGY_OF = {name: LEARNED[name] for name in TIMED} | {
     "500 places": LENGTHS["500"],
     "1,500 places": LENGTHS["1,500"],
     "1,500 places, all inputs": LENGTHS["1,500, all inputs spike in queries"],

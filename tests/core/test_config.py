@@ -178,7 +178,7 @@ def test_every_number_declares_a_range() -> None:
         ("[network]\nweight_bits = true\n", r"must be a whole number"),
         ("network = 3\n", r"\[network\] must be a table"),
         ("seed = -1\n", r"seed is -1"),
-        ("preset = 'fastest'\n", r"no preset 'fastest'; choose from loihi, balanced, fast, paper"),
+        ("preset = 'fastest'\n", r"no preset 'fastest'; choose from loihi, balanced, fast, accurate, paper"),
         ("preset = 3\n", r"preset is 3"),
         ("[encoder]\nimage_size = 57\n", r"image_size is 57, but must be a multiple of 4"),
         ("[learning]\nrule = 'triplet'\n", r"learning\.rule is 'triplet'"),
