@@ -91,6 +91,7 @@ RULES = (
     Rule("boards/verify*", "f.json", replaced(r"installed for \S+;", "installed for <python>;"), "a path"),
     Rule("boards/run-*-ladder", "ladder.json", replaced(r"[^\s\"]+ has no nxsdk", "<python> has no nxsdk"), "a path"),
     Rule("tables/doctor*", "stdout", _DOCTOR, "packages and machine"),
+    Rule("boards/run-*-ladder", "ladder.json", replaced(r"Linux-[^\"]+", "<machine>"), "the machine"),
     Rule("tables/paper-keep", "k/*.json", replaced(r"[0-9a-f]{64}", "<sources>"), "the sources that computed it"),
 )
 
