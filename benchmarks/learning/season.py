@@ -220,7 +220,7 @@ def compared(seeds: Sequence[int]) -> Printed:
     yield BenchmarkTable(["map", "preset", *heads], recalled, record="season")
     heads = [f"{rule}: {what}" for rule in ways_to_learn for what in ("won / lost", "taught / wrong")]
     yield BenchmarkTable(["map", "preset", *heads], pairs, record="season-pairs")
-    heads = [*shown, *(f"{rule}, and gains" for rule in rivals_of)]
+    heads = [*(f"STDP, {what}" for what in shown), *(f"{rule}, and gains" for rule in rivals_of)]
     yield BenchmarkTable(["map", "preset", *heads], short, record="season-short")
 
 

@@ -68,10 +68,8 @@ def verify(
     for name in names:  # asked for by name: not to run it is an error
         backends.require(name, model)
     traverse = open_queries(model, asked.query, asked.places, asked.every, outputs)
-    # The truth of all queries, then the first of them: fewer queries than places would be refused as not aligned.
-    truth = aligned_truth(model, traverse)[:limit]
-    compared = traverse.take(range(min(limit, len(traverse))))
-    queries, *further = encode_queries(compared, model, asking)
+    truth = aligned_truth(model, traverse)[:limit]  # of all, then the first: fewer than places would be not aligned
+    queries, *further = encode_queries(traverse.take(range(min(limit, len(traverse)))), model, asking)
     chosen = ("host", *(name for name in names if name != "host")) if names else None
     with one_bar() as show:
         verdicts = verify_spikes(

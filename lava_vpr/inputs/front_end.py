@@ -17,7 +17,7 @@ An image is brought to ``width`` x ``width / 2`` grey pixels. From then on every
 5. A **pool** counts the spikes of all cells around, and silences its own once these have spent their budget. So time
    is divided by what is around, and a cell's count is the logarithm of a ratio.
 
-The counts are the activity. They are made here by the kernel beside, spike for spike those of the populations.
+The counts are the activity. The kernel beside makes them, for each cell those of the populations.
 """
 
 from __future__ import annotations

@@ -220,7 +220,7 @@ USAGE = [
     ("train ref -o n.lvpr --seed x", "'x' is not a valid integer range"),
     ("train ref -o n.lvpr --weight-bits 9", "9 is not in the range 1<=x<=8"),
     ("train ref -o n.lvpr --epochs 0", "0 is not in the range"),
-    ("train ref -o n.lvpr --preset quick", "'quick' is not one of 'loihi', 'balanced', 'fast', 'paper'"),
+    ("train ref -o n.lvpr --preset quick", "'quick' is not one of 'loihi', 'balanced', 'fast', 'accurate', 'paper'"),
     ("train ref -o n.lvpr --input edges", "'edges' is not one of"),
     ("eval m.lvpr", "Missing argument 'QUERY'"),
     ("eval m.lvpr query --positions a.csv b.csv", "--positions needs --radius M"),
