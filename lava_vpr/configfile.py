@@ -95,6 +95,10 @@ def from_dict(values: Any) -> Config:
 
 def of_file(values: Any) -> Config:
     """As `from_dict`, of settings that are a model's: what older ones lack is off, whatever the preset has now."""
+    if isinstance(values, dict) and isinstance(encoder := values.get("encoder"), dict) and "filters" in encoder:
+        if encoder["filters"] != "":
+            raise ConfigError("encoder.filters: no input learns filters any more; train anew, with --input frontend")
+        values = values | {"encoder": {name: value for name, value in encoder.items() if name != "filters"}}
     config = from_dict(values)
     if isinstance(config.network, LifNetwork) and "adapt" not in values.get("network", {}):
         return replace(config, network=replace(config.network, adapt=0))

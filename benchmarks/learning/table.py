@@ -19,14 +19,12 @@ from typing import Any
 import click
 import numpy as np
 
-from benchmarks.places import FOLDERS, TEMPLATES, PlacesSection, images_of, learned, places
+from benchmarks.places import TEMPLATES, PlacesSection, learned, places
 from benchmarks.program import BenchmarkTable, Printed, program
 from benchmarks.results.rows import SEEDS, Figures, Record, ResultRow, asked
 from benchmarks.results.tables import DEFAULT, FIVE, LATE
 from lava_vpr.config import integer_config, preset
 from lava_vpr.configfile import update
-from lava_vpr.slayer.front_end import EPOCHS, learned_filters
-from lava_vpr.traverse import open_traverse
 
 FILE = Path(__file__).with_name("table.json")
 SCRATCH = {
@@ -40,27 +38,17 @@ LEARNERS: Mapping[str, dict[str, Any]] = {
     "STDP in integers": {"learning": {"arithmetic": "integer"}},
     "SLAYER from templates": {"learning": {"rule": "slayer", "epochs": 10}},
     "SLAYER from scratch": SCRATCH,
-    "templates behind filters before learning": {"learning": TEMPLATES, "encoder": {"kind": "filters"}},
-    "templates behind filters that SLAYER learned": {"learning": TEMPLATES, "encoder": {"kind": "filters"}},
 }
-UNLEARNED = "templates behind filters before learning"
 ROWS = {name: ResultRow(name, update(preset(DEFAULT), how), FIVE, costs=True) for name, how in LEARNERS.items()}
 
 
 def figures_and_seconds(row: ResultRow, section: PlacesSection, seed: int) -> Figures:
     """The figures of a section with a seed, and the seconds of processors that learning took."""
     config = dataclasses.replace(row.config, seed=seed)
-    began = time.process_time()
-    if config.encoder.kind == "filters":
-        traverse = open_traverse(images_of(section.dataset, FOLDERS[section.dataset][0]))
-        images = traverse.take(range(section.first, section.end)).images()
-        filters = learned_filters(images, config, 0 if row.name == UNLEARNED else EPOCHS)
-        config = update(config, {"encoder": {"filters": filters}})
-    seconds = time.process_time() - began
     places(section, 0, config)  # read before the clock goes on
     began = time.process_time()
     model = learned(section, config)
-    seconds += time.process_time() - began
+    seconds = time.process_time() - began
     return asked(row, model, section, costs=seed == SEEDS[0]) | {"training": [round(seconds, 2)]}
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.inputs.front_end import FRONT_END
-from lava_vpr.inputs.orientation import filter_channels, orientation_channels, parsed
+from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.inputs.patches import HOG_VALUES, PATCH_SIDE, on_off
 from lava_vpr.inputs.vectors import as_rates, signed_channels, without_weak
 from lava_vpr.inputs.windows import saturated
@@ -34,8 +34,8 @@ class EncoderConfig:
     Attributes:
         kind: Name of a row in `INPUTS`: ``orientation`` (complex-cell edge channels), ``frontend`` (the spiking
             front end, which has settings of its own), ``onoff`` or ``pixels`` (the
-            paper's patch-normalised ones), ``events`` (``orientation`` of images of events), or ``filters`` (a learned
-            convolutional layer in place of orientations); or of descriptors in place of images ``vector`` or ``rates``.
+            paper's patch-normalised ones), or ``events`` (``orientation`` of images of events); or of descriptors in
+            place of images ``vector`` or ``rates``.
         image_size: Side in pixels of the square image that the orientation channels are computed on.
         cell: Side in pixels of one pooling cell; ``image_size`` must be a multiple of it.
         orientations: Number of orientations, evenly spaced over 180 degrees.
@@ -45,7 +45,6 @@ class EncoderConfig:
         train_spikes: Expected input spikes per step while training ("tot"), all inputs together.
         query_spikes: Expected input spikes per step while answering a query.
         query_inputs: Only so many inputs, those that respond most, spike while answering a query; 0: all.
-        filters: What the layer of ``filters`` has learned (`lava_vpr.inputs.orientation.written`); empty: train learns.
         saturation: ``events``: share of the pixels that are not 0 that keep their level; what is above is cut.
         max_rate_hz: ``pixels`` under the ``paper`` preset: rate of a white pixel, in Hz.
         vector_values: Values of a vector as it is given; training takes it from the references. 0: not known yet.
@@ -72,7 +71,6 @@ class EncoderConfig:
     vector_kept: Annotated[int, Range(1, 1_000_000)] = 1984
     vector_scale: Literal["shared", "own"] = "shared"
     vector_dead_zone: Annotated[float, Range(0, 10)] = 0.5
-    filters: str = ""
 
     def __post_init__(self) -> None:
         check(self, "encoder")
@@ -80,8 +78,6 @@ class EncoderConfig:
             need(False, "encoder.kind", self.kind, f"one of {', '.join(INPUTS.names())}{INPUTS.elsewhere}")
         need(self.cell <= self.image_size, "encoder.cell", self.cell, "in 1..image_size")
         need(self.image_size % self.cell == 0, "encoder.image_size", self.image_size, f"a multiple of {self.cell}")
-        if self.filters:
-            parsed(self.filters, self.orientations)
 
     @property
     def layout(self) -> ChannelLayout:
@@ -192,25 +188,6 @@ for _row in (
         drawing="strokes",
         legend=STROKES,
         oriented=True,
-    ),
-    Input(
-        "filters",
-        layout=_orientation_layout,
-        sees="image",
-        activity=lambda image, encoder: filter_channels(
-            image,
-            encoder.image_size,
-            encoder.cell,
-            encoder.orientations,
-            encoder.window,
-            encoder.pool_floor,
-            encoder.blur,
-            encoder.filters,
-        ),
-        grey_levels=False,
-        drawing="strokes",
-        legend="A stroke stands for a learned filter, drawn along the edge that filters of its number start from; the "
-        "longer and stronger, the larger the weight.",
     ),
     Input(
         "onoff",

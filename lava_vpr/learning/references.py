@@ -12,14 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from lava_vpr.backends.asking import open_model
 from lava_vpr.config import Config
-from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_views, image_traverse
-from lava_vpr.errors import InputError, UsageError, shown
+from lava_vpr.errors import InputError, UsageError
 from lava_vpr.framing import NO_CROP, of_references
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import XY, Positions, placed
-from lava_vpr.slayer.front_end import learned_filters
 from lava_vpr.training.preparing import check_responses, fitted, in_words, settings_for, standard_like
 from lava_vpr.training.stretches import UNSEEN, Monitor
 from lava_vpr.traverse import Traverse, located, vector_traverse
@@ -113,7 +111,7 @@ def encode_route(
 
     Args:
         traverses: The references, image i of each at place i.
-        config: Settings, which are changed to fit them (`settings_for`), with filters learned from the first.
+        config: Settings, which are changed to fit them (`settings_for`).
         monitor: Shows what is being done.
         like: The model whose standard vectors are measured by; None: their own.
         keep: What is kept beside the activity.
@@ -122,10 +120,7 @@ def encode_route(
     Raises:
         LavaVprError: images or settings cannot be used.
     """
-    config, first = settings_for(config, traverses), traverses[0]
-    if config.encoder.kind == "filters" and not config.encoder.filters:
-        monitor.line(f"note: the filters of the inputs are learned from {shown(first.source)}")
-        config = update(config, {"encoder": {"filters": learned_filters(first.images(), config)}})
+    config = settings_for(config, traverses)
     if like is None:
         standard = fitted(config, traverses)
     else:

@@ -1,7 +1,7 @@
 """The one way from references to a model: `train` for Python, `Training` for commands, studies and benchmarks.
 
-References are opened and their places chosen; the settings are made to fit what they are, with the filters that they
-teach and the standard that vectors are measured by; they are encoded, learned, and the probabilities calibrated.
+References are opened and their places chosen; the settings are made to fit what they are, with the standard
+that vectors are measured by; they are encoded, learned, and the probabilities calibrated.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ def test_numbers_of_numpy_survive_too() -> None:
     assert type(changed.seed) is int
 
 
-NAMES = {"kind": st.sampled_from(list(INPUTS)), "default": st.sampled_from(list(DECODERS)), "filters": st.just("")}
+NAMES = {"kind": st.sampled_from(list(INPUTS)), "default": st.sampled_from(list(DECODERS))}
 """Texts that name rows of registries, or are made by learning."""
 
 
@@ -291,3 +291,13 @@ def test_the_float_model_is_refused_with_cause_and_remedy() -> None:
 def test_settings_and_network_must_both_be_of_integers() -> None:
     with pytest.raises(ConfigError, match="needs an integer network"):
         integer_model(replace(small_model(), config=tiny_paper()), "a test")
+
+
+def test_models_of_before_without_learned_filters_are_read_and_those_with_them_refused() -> None:
+    config = preset("fast")
+    before = f.to_dict(config)
+    before["encoder"]["filters"] = ""
+    assert f.of_file(before) == config
+    before["encoder"]["filters"] = "AAAA"
+    with pytest.raises(ConfigError, match=r"^encoder\.filters: no input learns filters any more; train anew, with"):
+        f.of_file(before)
