@@ -17,11 +17,18 @@ from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.inputs.views import AugmentConfig, ViewsConfig
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.matching.decoders import DECODERS
+from lava_vpr.rows.registry import elsewhere, plugged_names
 from lava_vpr.settings.ranges import Range, check, need
 
 InputMode = Literal["injected", "bias"]
 INPUT_MODES: tuple[str, ...] = typing.get_args(InputMode)
 SpikeTrains = Literal["poisson", "regular"]
+UNSIGNED = ("stdp", "template")
+"""The learning rules of this program whose weights are at least 0."""
+LIF_RULES = (*UNSIGNED, "slayer")
+"""The learning rules of this program with the lif network."""
+RULES_GROUP = "lava_vpr.learning_rules"
+"""The entry points of other packages' learning rules."""
 _SIGNED_BITS = Range(1, 7)
 """Bits of a weight's magnitude beside its sign."""
 
@@ -89,7 +96,7 @@ class StdpLearning:
     Attributes:
         rule: ``stdp``; or ``template``, which learns nothing: the rates of a place's references are its neuron's
             weights, what learning is held against; or ``slayer``, by gradients (`SlayerConfig`), which of the settings
-            here takes ``epochs`` alone.
+            here takes ``epochs`` alone; or a plug-in's (`lava_vpr.training.trainers.LearningRule`).
         arithmetic: ``float``, or ``integer``: Loihi's own (`engine.learning.integer`). Either result is quantised.
         trains: How inputs spike while learning, as `LifNetwork.trains`. Regular trains show rates without noise, so
             what is learned is nearer to what is shown.
@@ -114,7 +121,7 @@ class StdpLearning:
         start_weight: Start weights are ``start_weight * (U[0, 1) + 0.01)``.
     """
 
-    rule: Annotated[Literal["stdp", "template", "slayer"], "with the lif network"] = "stdp"
+    rule: str = "stdp"
     arithmetic: Literal["float", "integer"] = "float"
     trains: SpikeTrains = "regular"
     theta_update: Literal["spike", "presentation"] = "spike"
@@ -143,6 +150,9 @@ class StdpLearning:
 
     def __post_init__(self) -> None:
         check(self, "learning")
+        if self.rule not in LIF_RULES:
+            known = f"{', '.join(LIF_RULES[:-1])} or {LIF_RULES[-1]} with the lif network{elsewhere(RULES_GROUP)}"
+            need(self.rule in plugged_names(RULES_GROUP), "learning.rule", self.rule, known)
         need(self.mean_weight < self.w_max, "learning.mean_weight", self.mean_weight, "above 0, below w_max")
         need(self.start_weight <= self.w_max, "learning.start_weight", self.start_weight, "in (0, w_max]")
 

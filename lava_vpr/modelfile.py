@@ -34,7 +34,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import ConductanceLearning, ConductanceNetwork, Config
+from lava_vpr.config import UNSIGNED, ConductanceLearning, ConductanceNetwork, Config
 from lava_vpr.configfile import of_file
 from lava_vpr.engine import effort
 from lava_vpr.engine.conductance.model import ConductanceState
@@ -311,7 +311,10 @@ def _rules(config: Config, sizes: Sizes) -> dict[str, ArrayRule]:
     most = images // places * repeats * network.steps
     return {
         "learned": ArrayRule(
-            "float32", learned, least=-_MOST_FLOAT if learning.rule == "slayer" else 0, most=_MOST_FLOAT
+            "float32",
+            learned,
+            least=-_MOST_FLOAT if learned[1] and learning.rule not in UNSIGNED else 0,
+            most=_MOST_FLOAT,
         ),
         "responses": ArrayRule("uint16" if most < 2**16 else "int32", (neurons, places), most=most),
         "place_indices": ArrayRule("int64", (places,), most=MOST_COUNT),

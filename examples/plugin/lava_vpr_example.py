@@ -1,14 +1,19 @@
-"""A kind of input and a decoder for lava-vpr: each a function and a row, named in pyproject.toml as an entry point."""
+"""A kind of input, a learning rule and a decoder for lava-vpr, rows that pyproject.toml names as entry points."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.config import Config
 from lava_vpr.inputs.encoder import ChannelLayout, EncoderConfig, Input
 from lava_vpr.matching.decoders import Decoder, Reading, in_every_variant, margin
 from lava_vpr.matching.equations import Counts, Scores, ScoresOf
+from lava_vpr.model import Stretch
+from lava_vpr.training.trainers import LearningRule, StretchTrainer
 
 GRID = 28
 
@@ -52,6 +57,29 @@ def count_cosine(responses: Counts, reading: Reading) -> ScoresOf:
     return scores
 
 
+class OjaTrainer(StretchTrainer):
+    """Oja's rule (J. Math. Biol. 15, 1982), told the place: w += eta y (x - y w), y = w x, with rates x of length 1."""
+
+    ETA = 0.2
+
+    def __init__(self, config: Config, stretch: Stretch, key: int, activity: NDArray[np.float32]) -> None:
+        inputs = config.encoder.inputs
+        self.weights = np.full((inputs, stretch.neurons), inputs**-0.5, np.float32)
+
+    def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]:
+        x, w = rates.astype(np.float64), self.weights[:, place].astype(np.float64)
+        x /= max(float(np.linalg.norm(x)), 1.0)
+        y = float(w @ x)
+        self.weights[:, place] = w + self.ETA * y * (x - y * w)
+        return np.zeros(self.weights.shape[1], np.int32)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        return {"weights": self.weights}
+
+    def reach(self, epochs: int, traverses: int) -> dict[str, tuple[float, float]]:
+        return {"weights": (0.0, 2.0)}
+
+
 CENTRE_SURROUND = Input(
     "centre-surround",
     layout=lambda encoder: ChannelLayout(2, GRID),
@@ -61,6 +89,7 @@ CENTRE_SURROUND = Input(
     drawing="grey",
     legend="White: the neuron expects a point brighter than its surroundings; black: a darker one.",
 )
+OJA = LearningRule("oja", "by Oja's rule, one neuron a place", OjaTrainer, neuron_a_place=True)
 COUNT_COSINE = Decoder(
     "count-cosine",
     title="cosine of the counts",

@@ -21,6 +21,7 @@ from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.readers import READERS
 from lava_vpr.rows.registry import Registry
 from lava_vpr.show.table import Table
+from lava_vpr.training.trainers import LEARNING
 
 NEEDED = {
     "numpy": "arrays",
@@ -39,7 +40,7 @@ OPTIONAL = {
     "lava-loihi": ("vendor", "Intel's closed package that drives Loihi 2; from Intel's research cloud"),
     "nxsdk": ("vendor", "Intel's closed package that drives Kapoho Bay; from Intel's research cloud"),
 }
-PLUGGED: tuple[Registry[Any], ...] = (INPUTS, DECODERS, BACKENDS, READERS)
+PLUGGED: tuple[Registry[Any], ...] = (INPUTS, LEARNING, DECODERS, BACKENDS, READERS)
 """The registries whose rows packages can bring."""
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 

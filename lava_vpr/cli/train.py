@@ -43,7 +43,7 @@ from lava_vpr.learning.route import Training
 from lava_vpr.model import Model
 from lava_vpr.storage.writing import only_one
 from lava_vpr.training.checkpoint import remove_checkpoint
-from lava_vpr.training.trainers import LEARNING
+from lava_vpr.training.trainers import LEARNING, OWN
 from lava_vpr.traverse import Traverse, open_traverse
 from lava_vpr.truth.alignment import shown_places
 
@@ -116,9 +116,7 @@ from lava_vpr.truth.alignment import shown_places
     "--learning",
     type=RegisteredName(LEARNING),
     default=None,
-    help="How weights are learned (default: float); "
-    + "; ".join(f"{row.name}: {row.title}" for row in [*LEARNING.values()][1:])
-    + ".",
+    help="How weights are learned (default: float); " + "; ".join(f"{row.name}: {row.title}" for row in OWN[1:]) + ".",
 )
 @reference_positions_options
 @click.option(

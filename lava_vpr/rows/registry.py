@@ -77,6 +77,16 @@ def scanned() -> list[Plugin]:
     return [plugin for _, plugin in sorted(found.items(), key=lambda item: item[0])]
 
 
+def plugged_names(group: str) -> tuple[str, ...]:
+    """The names of all plug-ins of ``group``, none of them loaded."""
+    return tuple(plugin.name for plugin in scanned() if plugin.entry.group == group)
+
+
+def elsewhere(group: str | None) -> str:
+    """What a message adds to the names there are: that a package may bring others; nothing without a group."""
+    return "" if group is None else f", or install the package that has it among its entry points {group}"
+
+
 class Registry(Mapping[str, Row], Generic[Row]):
     """The rows of one kind by name: those of this package in the order in which they were registered, then plug-ins.
 
@@ -162,10 +172,8 @@ class Registry(Mapping[str, Row], Generic[Row]):
 
     @property
     def elsewhere(self) -> str:
-        """What a message adds to the names there are: that a package may bring others; nothing without a group."""
-        if self.group is None:
-            return ""
-        return f", or install the package that has it among its entry points {self.group}"
+        """`elsewhere` of the group."""
+        return elsewhere(self.group)
 
     @contextlib.contextmanager
     def spared(self, name: str) -> Iterator[None]:

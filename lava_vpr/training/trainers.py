@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import ConductanceLearning, Config, IntegerConfig, as_integer_config, integer_config
+from lava_vpr.config import RULES_GROUP, ConductanceLearning, Config, IntegerConfig, as_integer_config, integer_config
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.learning import integer, stdp
 from lava_vpr.engine.learning.recruiting import Thresholds
@@ -179,7 +179,11 @@ def rule_settings(name: str, config: Config) -> dict[str, Any]:
     """
     row = LEARNING[name]
     of_conductance = isinstance(config.learning, ConductanceLearning) and row.rule == STDP  # which has rules of its own
-    settings = {"rule": None if of_conductance else row.rule, "arithmetic": row.arithmetic, "epochs": row.epochs}
+    settings = {
+        "rule": None if of_conductance else row.rule or row.name,
+        "arithmetic": row.arithmetic,
+        "epochs": row.epochs,
+    }
     return {key: value for key, value in settings.items() if value is not None}
 
 
@@ -193,7 +197,8 @@ class LearningRule:
         trainer: Makes the trainer of a stretch. It takes the settings; the stretch; `stretch_key` of its images, for
             which start weights are drawn; and the responses to its references, traverse after traverse, float32
             (images, inputs).
-        rule, arithmetic: The settings ``learning.rule`` and ``learning.arithmetic`` that choose it; None: either.
+        rule: The setting ``learning.rule`` that chooses it; a plug-in's is its name, and may be left out.
+        arithmetic: The setting ``learning.arithmetic`` that does; None: either.
         epochs: How often it shows each image unless a user says otherwise; None: as the settings say.
         check: Refuses, before any work, settings that it cannot learn with, or where a library is missing.
         neuron_a_place: Whether it takes exactly one neuron for each place.
@@ -203,7 +208,7 @@ class LearningRule:
     name: str
     title: str
     trainer: Callable[[Config, Stretch, int, NDArray[np.float32]], StretchTrainer]
-    rule: str
+    rule: str = ""
     arithmetic: str | None = None
     epochs: int | None = None
     check: Callable[[IntegerConfig], object] = lambda config: None
@@ -212,9 +217,9 @@ class LearningRule:
 
 
 STDP = "stdp"
-LEARNING: Registry[LearningRule] = Registry("learning rule", ConfigError)
+LEARNING: Registry[LearningRule] = Registry("learning rule", ConfigError, group=RULES_GROUP, row_class=LearningRule)
 """The ways to learn an integer network."""
-for _row in (
+OWN = (
     LearningRule(
         "float",
         "by STDP, in real numbers",
@@ -248,7 +253,9 @@ for _row in (
         epochs=1,
         neuron_a_place=True,
     ),
-):
+)
+"""Those of this program, the default first."""
+for _row in OWN:
     LEARNING.register(_row)
 CONDUCTANCE = LearningRule(
     "conductance", "preset paper", lambda config, stretch, key, _: ConductanceTrainer(config, stretch, key), "triplet"

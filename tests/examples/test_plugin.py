@@ -1,4 +1,4 @@
-"""The example package, installed beside lava-vpr: its input is learned with, its decoder answers, doctor lists both."""
+"""The example package, installed beside lava-vpr: its rule learns its input, its decoder answers, doctor lists all."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from support.common import children
 from support.common.commands import CONFIG, PLACES
 
+from lava_vpr.storage import container
 from lava_vpr.synthetic.world import write_traverses
 
 SOURCE = Path(__file__).resolve().parents[2] / "examples" / "plugin"
@@ -44,10 +46,11 @@ def lava_vpr(folder: Path, site: Path | None, *words: object) -> subprocess.Comp
 
 
 @pytest.mark.slow
-def test_its_input_and_its_decoder_are_used(site: Path, tmp_path: Path) -> None:
+def test_its_input_its_learning_rule_and_its_decoder_are_used(site: Path, tmp_path: Path) -> None:
     write_traverses(tmp_path, PLACES, 0)
     (tmp_path / "quick.toml").write_text(f"{CONFIG}[decoder]\ndefault = 'count-cosine'\n")
     words = ("train", "reference", "-o", "m.lvpr", "--config", "quick.toml", "--input", "centre-surround")
+    words += ("--learning", "oja", "--epochs", "8")
     done = lava_vpr(tmp_path, site, *words)
     assert (done.returncode, done.stderr) == (0, "")
     done = lava_vpr(tmp_path, site, "query", "m.lvpr", "query", "-o", "m.csv")
@@ -56,11 +59,18 @@ def test_its_input_and_its_decoder_are_used(site: Path, tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert sum(int(row["query"]) == int(row["place"]) for row in rows) >= PLACES - 2
     assert all(0 <= float(row["confidence"]) <= 1 for row in rows)  # a margin between cosines
+    done = lava_vpr(tmp_path, site, "train", "reference", "-o", "t.lvpr", *words[4:8], "--learning", "template")
+    assert (done.returncode, done.stderr) == (0, "")
+    made = [container.load(tmp_path / name, "model") for name in ("m.lvpr", "t.lvpr")]
+    assert [header["config"]["learning"]["rule"] for header, _ in made] == ["oja", "template"]
+    oja, template = (arrays["learned"] for _, arrays in made)
+    assert 0.01 < np.abs(oja - template).max() < 2.0
     done = lava_vpr(tmp_path, site, "doctor")
     assert done.returncode == 0
     listed = [line.split() for line in done.stdout.splitlines() if "lava-vpr-example" in line]
     assert [[word for word in line if word not in "│┃"][-4:] for line in listed] == [
         ["centre-surround", "lava-vpr-example", "0.1.0", "yes"],
+        ["oja", "lava-vpr-example", "0.1.0", "yes"],
         ["count-cosine", "lava-vpr-example", "0.1.0", "yes"],
     ]
 
