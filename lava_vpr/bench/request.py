@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
 
 from lava_vpr.backends.asking import PLAINLY, Asking
 from lava_vpr.backends.registry import timed_by_default
@@ -27,6 +30,7 @@ class Request:
         limit: Most queries that a backend is timed on; None: by backend.
         seed: The seed of the queries' noise; None: the model's.
         asking: How queries are asked besides once and plainly.
+        applied: Gains uint8 (inputs,) that the model's weights were quantised under; None: none.
         calibration: Of the model's decoder; None: probabilities are not known.
         located: Where places and queries were taken; None: not known.
         near: Metres within which a match counts.
@@ -40,6 +44,7 @@ class Request:
     limit: int | None = None
     seed: int | None = None
     asking: Asking = PLAINLY
+    applied: NDArray[np.uint8] | None = field(default=None, repr=False)
     calibration: Calibration | None = None
     located: Located | None = None
     near: float = NEAR_M
@@ -57,5 +62,5 @@ class Request:
 
     @property
     def plain(self) -> bool:
-        """Whether each query is asked once, and the network does not adapt."""
-        return self.asking.views == 1 and self.asking.adapt is None
+        """Whether each query is asked once, and without biases of its own."""
+        return self.asking.views == 1 and self.asking.adapt is None and self.asking.replay is None

@@ -99,18 +99,44 @@ class AskedOn:
 
 
 @dataclass(frozen=True)
+class GainsCost:
+    """What it takes that inputs have gains: counted, of a query where nothing else is said.
+
+    Attributes:
+        lessened: Inputs whose gain is below 15, mean over the queries.
+        products: Products of activity and gain that the host forms, mean over the queries.
+        epochs: Gains that were in force one after another, each for some of the queries.
+        gain_bytes: Bytes of an epoch's gains, in the host's memory; a board holds none of them.
+        bias_registers: Registers of a board that are written for biases.
+        bias_bytes: Bytes that are sent for these, a word of 4 for each.
+        weights: Weights on a board that are written anew when the gains in them change; 0: gains are not in weights.
+        weight_bytes: Their bytes, signs counted, indices and padding left out.
+    """
+
+    lessened: float
+    products: float = 0.0
+    epochs: int = 1
+    gain_bytes: int = 0
+    bias_registers: int = 0
+    bias_bytes: int = 0
+    weights: int = 0
+    weight_bytes: int = 0
+
+
+@dataclass(frozen=True)
 class QueryVariants:
-    """Queries asked in several views, or adapted to those before.
+    """Queries asked in several views, adapted to those before, or under gains.
 
     Attributes:
         views: Views of a query.
-        adapt: Time constant of adaptation in queries; None: not adapted.
-        recall: Figures of the default decoder, not adapted, on these views.
-        adapted: They where the network adapts; None: it does not.
+        adapt: Time constant of adaptation in queries; None: not adapted, or under gains.
+        recall: Figures of the default decoder, neither adapted nor under gains, on these views.
+        adapted: They where the network adapts, or inputs have gains; None: neither.
         events: What the host engine counted, per query.
         multiply_adds: Of the product of weights and mean rates that the host forms for a query's biases, at most, as
-            inputs at rest take none; 0: not adapted.
-        host_milliseconds: Time of a query's biases on this machine, median; None: not adapted.
+            inputs at rest take none; 0: it has none of its own.
+        host_milliseconds: Time of a query's biases on this machine, and of its rates under gains if it has any, median;
+            None: neither.
         boards: What a query takes on each board that the network fits, by the board's name.
     """
 
@@ -235,7 +261,8 @@ class Bench:
         events: What the host engine counted, per query; of every network, a float one too.
         step_times: Times of each step, by the board's name, on those that have times.
         command: How to repeat the run.
-        asked: Recall and costs with views or adaptation; None: not asked for, or failed.
+        asked: Recall and costs with views, adaptation or gains; None: not asked for, or failed.
+        gains: What gains take; None: inputs have none.
         energy: All the energy of a query by every way to answer it: boards, the host engine, cosine.
         pixels: Width and height of the query images; None: they are vectors.
         failed: What was asked for and could not be done, by stage, with the reason.
@@ -256,6 +283,7 @@ class Bench:
     step_times: dict[str, StepTimes] = field(default_factory=dict)
     command: str = ""
     asked: QueryVariants | None = None
+    gains: GainsCost | None = None
     energy: tuple[AnsweringWay, ...] = ()
     pixels: tuple[int, int] | None = None
     failed: dict[str, str] = field(default_factory=dict)
@@ -269,7 +297,7 @@ class AnsweringWay:
 
     Attributes:
         name: The board, or what the processor runs instead: ``host`` (this network), ``cosine``, ``hog``, ``sad``; with
-            ``, adapted`` behind where the network adapts.
+            ``, adapted`` behind where the network adapts, ``, gains`` where inputs have gains.
         recall: R@1 on the same queries, 0..1.
         work_milliseconds: The processor's time after the encoding, median: beside a board input spikes drawn and counts
             decoded, without one the whole match.

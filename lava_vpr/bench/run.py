@@ -10,7 +10,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.bench.measure.asked import asked
+from lava_vpr.backends.asking import Asker
+from lava_vpr.backends.interface import Presentations
+from lava_vpr.bench.measure.asked import asked, gains_in_weights, gains_presented
 from lava_vpr.bench.measure.matchers import alone, beside_board, run_peers
 from lava_vpr.bench.measure.timing import measure, measure_encoding, measure_localizer
 from lava_vpr.bench.measure.workload import workload
@@ -20,6 +22,7 @@ from lava_vpr.bench.request import Begin, Request
 from lava_vpr.bench.results import (
     AnsweringWay,
     Bench,
+    GainsCost,
     Measured,
     Modelled,
     OnMap,
@@ -38,7 +41,7 @@ from lava_vpr.deploy.cost.embedded import bias_milliseconds
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.presentations import Trains, cores
 from lava_vpr.errors import LavaVprError
-from lava_vpr.model import Model, as_integer
+from lava_vpr.model import Model, as_integer, integer_model
 from lava_vpr.recognition import Comparison, Recognition, recognise
 from lava_vpr.traverse import Traverse
 
@@ -77,6 +80,20 @@ class Work:
         how = Comparison(rivals=rivals, keep_scores=False, calibration=self.request.calibration)
         queries = self.queries
         return recognise(queries.model, queries.images, self.truth, how, pool=Pool(cores()), shown=queries.shown)
+
+    @cached_property
+    def presented(self) -> Presentations:
+        """The queries as they are asked, view after view, with the biases and gains that they get."""
+        asker = Asker(self.queries.model, self.request.asking, self.queries.shown.seed)
+        return asker.presentations((self.queries.images, *self.further))
+
+    @cached_property
+    def gains(self) -> GainsCost | None:
+        """What gains take; None: inputs have none."""
+        asking, applied = self.request.asking, self.request.applied
+        if asking.replay is not None:
+            return gains_presented(asking.replay, len(self.queries), asking.views)
+        return None if applied is None else gains_in_weights(applied, integer_model(self.queries.model, "--season"))
 
     @cached_property
     def plans(self) -> dict[str, Plan | str]:
@@ -148,17 +165,18 @@ def _sweep(work: Work) -> tuple[SweepPoint, ...]:
 
 
 def _asked(work: Work) -> QueryVariants | None:
-    """Recall and costs with views or adaptation, if they were asked for."""
+    """Recall and costs with views, adaptation or gains, if they were asked for."""
     if work.request.plain:
         return None
     work.begin("asking in views, or adapted", 1)
-    return asked(work.queries, work.further, work.truth, work.request.asking, work.plans, COUNTED)
+    how = work.request.asking
+    return asked(work.queries, work.further, work.presented, work.truth, how, work.plans, COUNTED)
 
 
 def _energy(work: Work, variants: QueryVariants | None) -> tuple[AnsweringWay, ...]:
     """All the energy of a query on every board, by the host engine if it was timed, and by cosine.
 
-    Where ``variants`` adapt, in one view, the network's ways stand there so, too.
+    Where ``variants`` adapt or have gains, in one view, the network's ways stand there so, too.
     """
     work.begin("timing the host's part, and cosine", 1)
     medians = {row.name: float(np.median(row.milliseconds)) for row in work.timed if row.milliseconds}
@@ -171,16 +189,17 @@ def _energy(work: Work, variants: QueryVariants | None) -> tuple[AnsweringWay, .
     if "host" in medians:
         ways.append(AnsweringWay("host", own, medians["host"], encoding))
     if variants is not None and variants.views == 1:
-        ways += [_adapted(way, variants, work.plans.get(way.name)) for way in ways]
+        how = "adapted" if work.request.asking.replay is None else "gains"
+        ways += [_adapted(way, how, variants, work.plans.get(way.name)) for way in ways]
     cosine = work.answers.metrics["cosine"].recall_at_1
     return (*ways, AnsweringWay("cosine", cosine, alone(work.queries, "cosine"), encoding))
 
 
-def _adapted(way: AnsweringWay, variants: QueryVariants, plan: Plan | str | None) -> AnsweringWay:
-    """A ``way`` of the network where it adapts: the host makes biases, of which a board is sent one a neuron."""
+def _adapted(way: AnsweringWay, how: str, variants: QueryVariants, plan: Plan | str | None) -> AnsweringWay:
+    """A ``way`` of the network, ``how`` it is asked: the host makes biases, of which a board is sent one a neuron."""
     recall = way.recall if variants.adapted is None else variants.adapted.recall_at_1
     work = way.work_milliseconds + (variants.host_milliseconds or 0.0)
-    way = replace(way, name=f"{way.name}, adapted", recall=recall, work_milliseconds=work)
+    way = replace(way, name=f"{way.name}, {how}", recall=recall, work_milliseconds=work)
     if not isinstance(plan, Plan) or plan.board.constants is None or way.dynamic is None or way.io_static is None:
         return way
     constants = plan.board.constants
@@ -212,10 +231,13 @@ def recall_and_costs(
         command: How to repeat the run, for the report.
         begin: Told what begins.
     Raises:
-        LavaVprError: recall cannot be computed. Whatever else is missing is said in the result.
+        LavaVprError: recall cannot be computed, or other queries are to be replayed. Whatever else is missing is said
+            in the result.
     """
     begin("recall", 1)
     work = Work(QuerySet.of(model, images, request.seed), traverse, truth, request, further, begin)
+    if request.asking.replay is not None:
+        _ = work.presented
     answers, costs, count = work.answers, work.costs, len(images)
     variants = work.tried("asking", _asked, None)
     return Bench(
@@ -233,6 +255,7 @@ def recall_and_costs(
         peers=work.tried("peers", _peers, ()),
         sweep=work.tried("sweep", _sweep, ()),
         asked=variants,
+        gains=work.gains,
         energy=work.tried("energy", partial(_energy, variants=variants), ()),
         pixels=traverse.pixels,
         command=command,

@@ -16,11 +16,13 @@ from lava_vpr.cli.choose import TruthOptions, truth_options
 from lava_vpr.cli.common import RegisteredName, encode_queries, noun, one_bar
 from lava_vpr.cli.models.season import applied, applied_option
 from lava_vpr.cli.nouns import (
+    Learning,
     OneSource,
     Queries,
     WrittenFiles,
     asking_options,
     queries_options,
+    replay_option,
     results_options,
     seed_option,
 )
@@ -68,6 +70,7 @@ DEFAULT = registry.timed_by_default()
 )
 @asking_options
 @applied_option
+@replay_option
 @seed_option
 @cluster_option
 @results_options("bench.html")
@@ -79,6 +82,7 @@ def bench(
     truth: TruthOptions,
     request: Request,
     season: Path | None,
+    replay: Path | None,
     address: str | None,
     results: WrittenFiles,
 ) -> None:
@@ -90,13 +94,16 @@ def bench(
     """
     if address is not None and not request.sweep:
         raise click.UsageError("--cluster shares the points of --sweep; all else measures this machine: add --sweep")
+    learning = Learning(learn=False, season=season, replay=replay)
     outputs, page = results.outputs(
-        "bench.html", read=(*truth.files, season), model=asked.model_path, images=(asked.query,)
+        "bench.html", read=(*truth.files, *learning.files), model=asked.model_path, images=(asked.query,)
     )
     # The cost model and what it needs take a second to import: --help does not wait for them.
     from lava_vpr.bench.run import recall_and_costs
 
-    model = applied(asked.model(request.asking), season)
+    request = replace(request, asking=learning.replayed(request.asking))
+    model, gains = applied(asked.model(request.asking), season)
+    request = replace(request, applied=gains)
     _refuse(model, asked.model_path, request)
     route = Selection((asked.query,), asked.every)
     traverse, located, correct = truth.open(model, route, asked.places, outputs)

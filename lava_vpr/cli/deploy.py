@@ -132,7 +132,7 @@ def deploy(
     check_dense_rows(board, dense_rows)
     check_replaceable(output)
     outputs = Outputs((json_path,), folders=(output,), read=(season,), model=model_path, images=images.sources)
-    model = applied(integer_model(open_model(model_path), board.title, model_path), season)
+    model, _ = applied(integer_model(open_model(model_path), board.title, model_path), season)
     calibration = images.of(model, outputs)
     compressed = _compressed(model, board, changes, calibration, images.max_loss)
     with stage(f"placing {compressed.model.neurons:,} neurons, and writing the bundle"):

@@ -272,11 +272,20 @@ class Learning:
         Raises:
             ModelFileError: a file cannot be used.
         """
-        if self.replay is not None:
-            if asking.adapt is not None:
-                raise click.UsageError("--replay takes all biases from its file; give it without --adapt")
-            return replace(asking, replay=load_table(self.replay))
+        asking = self.replayed(asking)
         return replace(asking, learn=self.learn, season=None if self.season is None else load_season(self.season))
+
+    def replayed(self, asking: Asking) -> Asking:
+        """``asking`` as it was presented before, if that is replayed.
+
+        Raises:
+            ModelFileError: the file cannot be used.
+        """
+        if self.replay is None:
+            return asking
+        if asking.adapt is not None:
+            raise click.UsageError("--replay takes all biases from its file; give it without --adapt")
+        return replace(asking, replay=load_table(self.replay))
 
     def keep(self, model: Model, parts: Iterable[Used]) -> None:
         """Write the ``parts`` of what the queries of ``model`` were presented with, if that is wanted."""

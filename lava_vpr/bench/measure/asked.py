@@ -1,23 +1,29 @@
-"""What it brings and costs to ask queries in several views, or adapted to the queries before.
+"""What it brings and costs to ask queries in several views, adapted to the queries before, or under gains.
 
 Each view is a presentation. Where the network adapts, the host multiplies weights and rates of each query once, and
-before each presentation a register of every excitatory neuron is written.
+before each presentation a register of every excitatory neuron is written. Gains stay with the host, which multiplies
+activity by them; a season that was applied is in the weights, and takes nothing of a query.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.backends.asking import Asker, Asking
+from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.interface import HostBackend, Presentations
+from lava_vpr.backends.replaying import GainTable
+from lava_vpr.backends.season import unlearned
+from lava_vpr.backends.teaching import Learner
 from lava_vpr.bench.query_set import QuerySet
-from lava_vpr.bench.results import AskedOn, QueryVariants
+from lava_vpr.bench.results import AskedOn, GainsCost, QueryVariants
 from lava_vpr.cluster.tasks import Pool
+from lava_vpr.config import LifNetwork
 from lava_vpr.deploy.boards.constants import Estimate
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.costs import adaptation_microjoules, modelled
@@ -25,18 +31,22 @@ from lava_vpr.deploy.cost.embedded import bias_milliseconds
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.adaptation import Adaptation
+from lava_vpr.engine.gains import FULL
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import cores
-from lava_vpr.model import as_integer
+from lava_vpr.model import IntegerModel, as_integer
 from lava_vpr.recognition import Comparison, recognise
 
 TIMED = 20
-"""Queries whose biases are timed, at most."""
+"""Queries whose biases and gains are timed, at most."""
+WORD_BYTES = 4
+"""Bytes that are sent for a register."""
 
 
 def asked(
     queries: QuerySet,
     further: Sequence[EncodedTraverse],
+    shown: Presentations,
     truth: NDArray[np.bool_],
     asking: Asking,
     plans: Mapping[str, Plan | str],
@@ -47,6 +57,7 @@ def asked(
     Args:
         queries: The queries, and the model that is asked.
         further: They in the further views (`Asking.of`).
+        shown: Their presentations, asked so.
         truth: bool (queries, places).
         asking: How they are asked, checked.
         plans: Where the network stands on each board, or why it cannot.
@@ -55,24 +66,25 @@ def asked(
         LavaVprError: recall cannot be computed.
     """
     model, n = queries.model, len(queries)
-    shown = Asker(model, seed=queries.shown.seed).presentations((queries.images, *further))
     comparison = Comparison(rivals=(), keep_scores=False, asking=asking)
-    result = recognise(model, queries.images, truth, comparison, pool=Pool(cores()), shown=shown)
+    plain = replace(shown, rates=shown.seen, bias=None, plain=None)
+    result = recognise(model, queries.images, truth, comparison, pool=Pool(cores()), shown=plain, further=further)
     integer, milliseconds, products = as_integer(model), None, 0
     boards: dict[str, AskedOn] = {}
     if integer is not None:
         network = integer.network
         if asking.adapt is not None:
-            bias = Adaptation(network, asking.adapt).biases(shown.rates[:n])
-            shown = replace(shown, bias=np.tile(bias, (asking.views, 1)))
-            milliseconds, products = _bias_milliseconds(network, asking.adapt, shown.rates[:n]), network.weights.size
+            milliseconds = _median(partial(_bias, Adaptation(network, asking.adapt), plain), n)
+        elif asking.replay is not None:
+            milliseconds = _median(partial(_gained, _learner(integer, asking.replay), queries), n)
+        products = 0 if shown.bias is None else network.weights.size
         boards = _boards(plans, network, asking, queries, _some(shown, n, asking.views, most))
     _, events = HostBackend(Pool(cores())).count_spikes(model, shown)
     return QueryVariants(
         views=asking.views,
         adapt=asking.adapt,
         recall=result.metrics[result.default],
-        adapted=result.adapted.get(result.default),
+        adapted=(result.adapted | result.learned).get(result.default),
         events={name: value / max(1, n) for name, value in events.items()},
         multiply_adds=products,
         host_milliseconds=milliseconds,
@@ -80,14 +92,51 @@ def asked(
     )
 
 
-def _bias_milliseconds(network: FixedNetwork, tau: float, rates: NDArray[np.uint16]) -> float | None:
-    """The median time of a query's biases on this machine; None: there is no query."""
-    adaptation, taken = Adaptation(network, tau), []
-    for i in range(min(TIMED, len(rates))):
+def gains_presented(table: GainTable, queries: int, views: int) -> GainsCost:
+    """What gains take where the host multiplies by those of ``table``, of its first ``queries``, at least one."""
+    epoch, neurons = table.epoch[:queries], table.bias.shape[1]
+    lessened = np.count_nonzero(table.gains < FULL, axis=1)[epoch]
+    multiplied = np.where(lessened > 0, table.gains.shape[1], 0)  # all are, or none
+    registers = neurons * views
+    return GainsCost(
+        lessened=float(lessened.mean()),
+        products=float(multiplied.mean()) * views,
+        epochs=len(np.unique(epoch)),
+        gain_bytes=table.gains[0].nbytes,
+        bias_registers=registers,
+        bias_bytes=WORD_BYTES * registers,
+    )
+
+
+def gains_in_weights(gains: NDArray[np.uint8], model: IntegerModel) -> GainsCost:
+    """What ``gains`` take that the weights of ``model`` were quantised under."""
+    lessened, weights = float(np.count_nonzero(gains < FULL)), model.network.weights.size
+    return GainsCost(lessened, weights=weights, weight_bytes=-(-weights * model.network.stored_bits // 8))
+
+
+def _median(ask: Callable[[slice], object], n: int) -> float | None:
+    """The median time of ``ask`` on this machine, one of the first of ``n`` queries at a time; None: there is none."""
+    taken = []
+    for i in range(min(TIMED, n)):
         began = time.perf_counter()
-        adaptation.biases(rates[i : i + 1])
+        ask(slice(i, i + 1))
         taken.append(1e3 * (time.perf_counter() - began))
     return float(np.median(taken)) if taken else None
+
+
+def _bias(adaptation: Adaptation, plain: Presentations, query: slice) -> object:
+    """The biases of a query that is adapted."""
+    return adaptation.biases(plain.rates[query])
+
+
+def _learner(model: IntegerModel, table: GainTable) -> Learner:
+    """Who makes biases and rates under the last gains of ``table``, as in a drive that learns."""
+    return Learner(model, replace(unlearned(model), gains=table.gains[-1]), LifNetwork.adapt)
+
+
+def _gained(learner: Learner, queries: QuerySet, query: slice) -> object:
+    """The biases and rates of a query under gains."""
+    return learner.weighed([queries.shown.part(query)], [queries.images.take(query)])
 
 
 def _some(shown: Presentations, n: int, views: int, most: int) -> Presentations:
@@ -105,7 +154,7 @@ def _boards(
     for name, plan in plans.items():
         if isinstance(plan, str):
             continue
-        adapted = asking.adapt is not None
+        adapted = shown.bias is not None
         writes = asking.views * plan.board.clearing.of(network, adapted=adapted)["writes_per_query"]
         costs, constants = modelled(plan, count_events(plan, trains, bias=shown.bias)), plan.board.constants
         in_all: list[Estimate] = []

@@ -80,6 +80,7 @@ def as_json(bench: Bench) -> dict[str, Any]:
         "counts": counts(bench),
         "workload": bench.workload,
         "asked": bench.asked,
+        **({} if bench.gains is None else {"gains": bench.gains}),
         "peers": {row.name: _row(row, metrics="recall") for row in bench.peers} or None,
         "sweep": [_row(row, **_CANDIDATE) for row in bench.sweep] or None,
         "constants": {row.name: {key: getattr(row, key) for key in _CONSTANT} for row in constants()},

@@ -9,12 +9,11 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from lava_vpr.bench import modelling
-from lava_vpr.bench.anchors import ANCHORS
 from lava_vpr.bench.results import (
     AnsweringWay,
     Bench,
     BoardFigures,
+    GainsCost,
     Measured,
     Modelled,
     Peer,
@@ -23,6 +22,7 @@ from lava_vpr.bench.results import (
     Workload,
 )
 from lava_vpr.bench.show.json_values import PERCENTILES, absent, counts, percentiles
+from lava_vpr.bench.show.sources import anchors, constants, timed
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.constants import HOST_POWER, Estimate
 from lava_vpr.matching.evaluation import TITLES, Metrics, values_of
@@ -68,7 +68,8 @@ def recall(bench: Bench) -> Table:
         views = f", in {bench.asked.views} views" if bench.asked.views > 1 else ""
         rows += [(decoder + views, *figures_of(bench.asked.recall))] if views else []
         if bench.asked.adapted is not None:
-            rows.append((f"{decoder}{views}, adapted", *figures_of(bench.asked.adapted)))
+            how = "gains" if bench.asked.adapt is None else "adapted"
+            rows.append((f"{decoder}{views}, {how}", *figures_of(bench.asked.adapted)))
     return Table(
         title=f"recall of {bench.images} queries, {model.get('places')} places, percent",
         columns=("decoder", *TITLES.values()),
@@ -96,7 +97,7 @@ def thresholds(bench: Bench) -> Table:
 
 
 def asked(row: QueryVariants) -> Table:
-    """What a query takes that is asked in several views, or adapted."""
+    """What a query takes that is asked in several views, adapted, or under gains."""
     cells: list[tuple[str, ...]] = []
     for name, board in row.boards.items():
         title = title_of(name)
@@ -107,12 +108,37 @@ def asked(row: QueryVariants) -> Table:
             cells.append(_levels(f"{title}: time on the chip, ms, modelled", board.milliseconds))
             cells.append(_levels(f"{title}: host I/O, apart, ms, modelled", board.io_milliseconds))
     how = f"in {row.views} views" if row.views > 1 else "in one view"
-    if row.adapt is not None:
+    if row.adapted is not None:
+        gained = "" if row.adapt is not None else " and gains"
         cells.append(_exactly("this machine: multiply-adds for biases, at most", f"{row.multiply_adds:,}"))
-        cells.append(_exactly("this machine: time of biases, ms, measured", figure(row.host_milliseconds)))
-        how += f", adapted over {row.adapt:g} queries"
+        cells.append(_exactly(f"this machine: time of biases{gained}, ms, measured", figure(row.host_milliseconds)))
+        how += ", under gains" if gained else f", adapted over {row.adapt:g} queries"
     note = "Each view is a presentation. All other tables are of queries that are presented once, not adapted."
     return Table(("what", "low", "nominal", "high"), cells, (note,), f"a query {how}")
+
+
+def gains(row: GainsCost, queries: int) -> Table:
+    """What it takes that inputs have gains, and how often."""
+    query, once = "a query", "when the season in them changes"
+    cells = [("inputs with a gain below 15", figure(row.lessened), "mean of the queries")]
+    if row.weights:
+        cells += [
+            ("board: weights written anew", f"{row.weights:,}", once),
+            ("board: bytes of these", f"{row.weight_bytes:,}", once),
+        ]
+        note = "Gains are in the weights: a query takes no product and no register for them. Indices of rows left out."
+    else:
+        cells += [
+            ("host: products of activity and gain", figure(row.products), query),
+            ("host: bytes of gains", f"{row.gain_bytes:,}", f"an epoch, of {row.epochs:,} in {queries:,} queries"),
+            ("board: registers of biases", f"{row.bias_registers:,}", query),
+            ("board: bytes sent for these", f"{row.bias_bytes:,}", query),
+        ]
+        note = (
+            "Biases and gains are timed as a drive makes them that learns, what teaches left out; counted are those of "
+            "the file. That a board takes a word of 4 bytes for each bias is unproven."
+        )
+    return Table(("what", "counted", "how often"), cells, (note,), "what gains take, counted")
 
 
 def timings(rows: Sequence[Measured]) -> Table:
@@ -142,12 +168,6 @@ def on_boards(rows: Sequence[Measured]) -> Table:
     cells = [(named(name), *(figure(board.get(name), 4) for board in boards.values())) for name in names]
     note = "By the vendor's profiler, idle power subtracted where it says dynamic; host's input and read-out included."
     return Table(("figure", *boards), cells, (note,), "measured on a board")
-
-
-def timed(rows: Sequence[Measured]) -> Table:
-    """What was timed of each backend, in words."""
-    cells = tuple((backend.name, backend.what) for backend in rows if not backend.absent and backend.what)
-    return Table(("backend", "from what to what"), cells, title="what was timed", long=frozenset({1}))
 
 
 def _levels(name: str, value: Estimate | None) -> tuple[str, ...]:
@@ -319,25 +339,6 @@ def workload(metrics: Workload) -> Table:
     return Table(("metric", "value"), rows, title="workload metrics by NeuroBench's definitions")
 
 
-def constants() -> Table:
-    """Every constant of the cost model, with its source."""
-    rows = [(row.what or named(row.name), *levels(row), row.unit, row.source) for row in modelling.constants()]
-    heads = ("constant", "low", "nominal", "high", "unit", "source")
-    return Table(heads, rows, title="constants of the cost model", long=frozenset({0, 5}))
-
-
-def anchors() -> Table:
-    """Published results, with their citations."""
-    rows = []
-    for anchor in ANCHORS:
-        kind = "" if anchor.kind == "measured" else f" ({anchor.kind})"
-        cited = f"{anchor.citation}, doi {anchor.doi}"
-        task = f"{anchor.task}; on {anchor.board}{kind}" + (f"; {anchor.note}" if anchor.note else "")
-        rows.append((anchor.name, figure(anchor.microjoules), figure(anchor.milliseconds), task, cited))
-    heads = ("published", "uJ", "ms", "task and board", "where")
-    return Table(heads, rows, title="published figures, none of them the same task", long=frozenset({3, 4}))
-
-
 def _heading(name: str) -> str:
     """How a column calls the way ``name``, which may be adapted."""
     way, comma, adapted = name.partition(", ")
@@ -372,12 +373,14 @@ def energy(
 def sections(bench: Bench, page: bool = True) -> dict[str, tuple[Table, ...]]:
     """All tables with rows, by section, in the terminal's order; only a page has what was timed, anchors, constants."""
     on_board = (modelled(costs, costs.figures) for costs in bench.targets.values() if costs.figures)
+    otherwise = [] if bench.asked is None else [asked(bench.asked)]
+    otherwise += [] if bench.gains is None else [gains(bench.gains, bench.images)]
     tables_of: dict[str, tuple[Table, ...]] = {
         "recall": (recall(bench),),
         "probability": (thresholds(bench),),
         "energy": (energy(bench.energy, pixels=bench.pixels),),
         "measured": (timings(bench.measured), on_boards(bench.measured)),
-        "modelled": (*on_board, counted(bench), *(() if bench.asked is None else (asked(bench.asked),))),
+        "modelled": (*on_board, counted(bench), *otherwise),
         "workload": () if bench.workload is None else (workload(bench.workload),),
         "peers": (peers(bench.peers),),
         "sweep": (sweep(bench.sweep, bench.energy),),

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+import numpy as np
+from numpy.typing import NDArray
 
 from lava_vpr import model as model_file
 from lava_vpr.backends.asking import open_model
@@ -27,18 +29,18 @@ applied_option = click.option(
 """``--season`` of a command that takes a map to a board."""
 
 
-def applied(model: Model, path: Path | None) -> Model:
-    """``model`` under the season in the file at ``path``, if there is one.
+def applied(model: Model, path: Path | None) -> tuple[Model, NDArray[np.uint8] | None]:
+    """``model`` under the season in the file at ``path``, and its gains (inputs,), if there is one.
 
     Raises:
         LavaVprError: the file cannot be used, or not with this model.
     """
     if path is None:
-        return model
+        return model, None
     known = load(path)
     check_season(known, integer_model(model, "--season"))
     with stage(f"quantising {model.neurons:,} neurons under {path}"):
-        return under_gains(model, known.gains, threads=cores())
+        return under_gains(model, known.gains, threads=cores()), known.gains
 
 
 @click.command()
@@ -71,7 +73,7 @@ def season(
     if saved is not None:
         save(known, saved)
     if target is not None:
-        model_file.save(applied(model, path), target)
+        model_file.save(applied(model, path)[0], target)
     if forget:
         save(unlearned(model), path)
     show_results([gains_table(known)], {})
