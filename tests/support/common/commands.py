@@ -1,6 +1,6 @@
 """Running commands in tests, on a small synthetic route.
 
-Used by backends, cli, conftest, core, deploy, events, examples, exchange, learning, paper_table, studies,
+Used by backends, bench, cli, conftest, core, deploy, events, examples, exchange, learning, paper_table, studies,
 training and vectors.
 """
 

@@ -1,4 +1,4 @@
-"""Answers that teach on a drive of a few images. Used by backends and cli."""
+"""Answers that teach on a drive of a few images. Used by backends, bench and cli."""
 
 from __future__ import annotations
 
