@@ -20,6 +20,10 @@ class InputError(LavaVprError):
     """Images, lists, videos, ground truth or descriptors that cannot be used."""
 
 
+class UnreadableError(InputError):
+    """One image file of many that cannot be read; the others may well be (`lava_vpr.traverse.readable`)."""
+
+
 class UsageError(InputError):
     """Options or arguments that exclude each other, or that lack one another: wrong usage, whatever the data."""
 

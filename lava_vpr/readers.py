@@ -21,7 +21,15 @@ from numpy.typing import NDArray
 from lava_vpr.errors import InputError, brief, printable, shown
 from lava_vpr.events.files import EVENT_STREAM, EVENT_SUFFIXES, event_samples, is_events, windows_of
 from lava_vpr.images.bags import BAG_SUFFIXES, bag_files, bag_samples, is_bag, split_topic
-from lava_vpr.images.files import IMAGE_SUFFIXES, LIST_SUFFIXES, VIDEO_SUFFIXES, folder_images, listed_images
+from lava_vpr.images.files import (
+    CONVERT,
+    IMAGE_SUFFIXES,
+    LIST_SUFFIXES,
+    VIDEO_SUFFIXES,
+    folder_images,
+    is_unread,
+    listed_images,
+)
 from lava_vpr.images.imagefiles import appearing, read_image
 from lava_vpr.images.sampling import Sample, every_so_often
 from lava_vpr.images.videos import CAMERA, camera_samples, video_samples
@@ -326,8 +334,9 @@ def _reader_of(path: Path) -> Reader:
         path.stat()
     except OSError as error:
         remedy = "check the path"
-        if re.match("[a-z0-9]{2,}:/", str(path)):  # a path has lost the second slash
-            remedy = "nothing is fetched from a network; download it first"
+        if address := re.match("([a-z0-9]{2,}):/(.*)", str(path)):  # a path has lost the second slash
+            where = shown("://".join(address.groups()))
+            raise InputError(f"{where}: nothing is fetched from a network; download it first") from None
         elif path.name.isdecimal():
             remedy = f"check the path; a camera is camera:{path.name}"
         raise InputError(f"{shown(path)}: cannot be opened ({error.strerror}); {remedy}") from None
@@ -336,5 +345,7 @@ def _reader_of(path: Path) -> Reader:
         return row
     if not path.is_file():
         raise InputError(f"{shown(path)}: is neither a folder nor a file; give a folder of images, a list or a video")
+    if is_unread(path.name):
+        raise InputError(f"{shown(path)}: is in a format that cannot be read; {CONVERT}")
     known = " ".join(dict.fromkeys(suffix for row in READERS.values() for suffix in row.suffixes))
     raise InputError(f"{shown(path)}: is of no known type; give a folder of images or one of {known}")

@@ -8,6 +8,7 @@ only a part of that is taken; positions and ground truth (`lava_vpr.truth.alignm
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -19,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError, printable, shown
+from lava_vpr.errors import InputError, UnreadableError, printable, shown
 from lava_vpr.images.files import IMAGE_SUFFIXES
 from lava_vpr.images.imagefiles import read_image
 from lava_vpr.images.sampling import chosen
@@ -28,6 +29,8 @@ from lava_vpr.positions.frames import Positions, in_seconds, positions_of_names,
 from lava_vpr.positions.track import MOST_GAP_S, PositionRequest, images_on, read_stamps, read_track
 from lava_vpr.readers import EVENTS, Found, found_vectors, open_source
 from lava_vpr.vectors.files import Vectors, VectorSource
+
+_NOTES = logging.getLogger("lava_vpr")
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +205,52 @@ def open_traverses(
                 f"{shown(source.parent)} instead of the images in it, or a list of them"
             )
     return [open_traverse(source, every=every, events=events) for source in sources]
+
+
+_NAMED = 3
+"""Images that are skipped and named; of more, their number."""
+
+
+def readable(traverses: Sequence[Traverse]) -> list[Traverse]:
+    """``traverses`` in step, without the images that cannot be read in one of them, told in a line for each.
+
+    All that stay keep their absolute indices: a skipped image is counted wherever images are. Every image file is read
+    for this, and once more by who takes it; other sources are taken as they are.
+
+    Args:
+        traverses: One traverse, or several. Where they have equally many images, those with the same number show the
+            same place, and are skipped together.
+    Raises:
+        InputError: none of the images can be read.
+    """
+    found = [_unreadable(traverse) for traverse in traverses]
+    in_step = len({len(traverse) for traverse in traverses}) == 1
+    skipped = set().union(*found) if in_step else set[int]()
+    kept = []
+    for traverse, own in zip(traverses, found, strict=True):
+        where, out = shown(traverse.source), own.keys() | skipped
+        if own:
+            some = ", ".join(f"{traverse.indices[k]} ({traverse.names[k]})" for k in [*own][:_NAMED])
+            said = f"{len(own)} of {len(traverse)} images cannot be read and are skipped: {some}"
+            more = f" and {len(own) - _NAMED} more" if len(own) > _NAMED else ""
+            _NOTES.warning(f"{where}: {said}{more}; the first: {next(iter(own.values()))}")
+        if len(out) > len(own):
+            _NOTES.warning(f"{where}: {len(out) - len(own)} more are skipped, which show the places of such images")
+        if len(out) == len(traverse):
+            raise InputError(f"{where}: none of its {len(traverse)} images is left; copy them again")
+        kept.append(traverse.take(k for k in range(len(traverse)) if k not in out) if out else traverse)
+    return kept
+
+
+def _unreadable(traverse: Traverse) -> dict[int, UnreadableError]:
+    """Why images cannot be read, by their numbers within ``traverse``."""
+    found: dict[int, UnreadableError] = {}
+    for number in range(len(traverse) if traverse.frames is None else 0):
+        try:
+            traverse.load(number)
+        except UnreadableError as error:
+            found[number] = error
+    return found
 
 
 def located(

@@ -1,4 +1,4 @@
-"""What commands ask a model: the model itself, the query images, and which places they show."""
+"""What commands ask a model: the model itself, the query images, where they were taken, and which places they show."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.cli.common import PATH, Number, noun, stderr
-from lava_vpr.cli.nouns import WhereOptions, query_positions_options
+from lava_vpr.cli.common import PATH, Number, noun, several, stderr
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.datasets.selecting import Selection
 from lava_vpr.errors import InputError, shown
 from lava_vpr.model import Model
-from lava_vpr.traverse import Traverse, open_traverse, ranges_of
+from lava_vpr.positions.track import MOST_GAP_S
+from lava_vpr.traverse import Traverse, located, open_traverse, ranges_of, readable
 from lava_vpr.truth.alignment import (
     NEAR_M,
     Located,
@@ -25,6 +25,76 @@ from lava_vpr.truth.alignment import (
     located_by,
     read_ground_truth,
 )
+
+_POSITIONS = "Positions, CSV or GPX: a row an image, or timed (default: from names @UTM_east@UTM_north@...)."
+_STAMPS = "When they were taken: CSV, a row an image; or when a video begins (default: from names and frames)."
+
+
+@dataclass(frozen=True)
+class WhereOptions:
+    """What the user says of where and when one traverse's images were taken.
+
+    Attributes:
+        positions: CSV or GPX file with positions; None: those in the images' names, if they tell any.
+        stamps: CSV file with times, or when a video begins; None: those of names and frames.
+        gap: Most seconds between two positions between which an image is placed.
+    """
+
+    positions: Path | None = None
+    stamps: str | None = None
+    gap: float = MOST_GAP_S
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files to be read."""
+        return tuple(Path(file) for file in (self.positions, self.stamps) if file is not None)
+
+    def check(self, model: Model) -> None:
+        """Refuse positions that nothing can be done with.
+
+        Raises:
+            InputError: they are given, but the model has none.
+        """
+        if self.positions is not None and model.positions is None:
+            raise InputError(
+                "--query-positions needs a model that knows where its places are; train it with --positions, or use "
+                "eval --positions REF.csv QUERY.csv"
+            )
+
+    def of(self, traverse: Traverse, whole: int) -> Traverse:
+        """``traverse``, some of ``whole`` images, with what is told of them.
+
+        Raises:
+            InputError: a file cannot be used, or does not tell of each image.
+        """
+        return located(traverse, whole, self.positions, self.stamps, self.gap)
+
+
+_GAP = click.option(
+    "--gap",
+    type=Number(min=0),
+    default=MOST_GAP_S,
+    show_default=True,
+    metavar="SECONDS",
+    help="Longest gap between two positions in which an image is placed by its time.",
+)
+_EACH = " Once for each REFERENCE, in order."
+
+query_positions_options = noun(
+    "where",
+    lambda query_positions, stamps, gap: WhereOptions(query_positions, stamps, gap),
+    click.option("--query-positions", type=PATH, default=None, metavar="FILE", help=_POSITIONS),
+    click.option("--stamps", default=None, metavar="FILE|TIME", help=_STAMPS),
+    _GAP,
+)
+"""The options ``--query-positions``, ``--stamps`` and ``--gap``, given to the command as ``where``."""
+
+reference_positions_options = several(
+    click.option("--positions", type=PATH, multiple=True, metavar="FILE", help=_POSITIONS + _EACH),
+    click.option("--stamps", multiple=True, metavar="FILE|TIME", help=_STAMPS + _EACH),
+    _GAP,
+)
+"""Give a command the options ``--positions``, ``--stamps`` and ``--gap`` of several traverses."""
 
 
 def open_queries(model: Model, source: str, places: tuple[int, int] | None, every: float, outputs: Outputs) -> Traverse:
@@ -129,7 +199,7 @@ class TruthOptions:
         return (*(() if self.gt is None else (self.gt,)), *(self.positions or ()), *self.where.files)
 
     def open(
-        self, model: Model, route: Selection, places: tuple[int, int] | None, outputs: Outputs
+        self, model: Model, route: Selection, places: tuple[int, int] | None, outputs: Outputs, skip: bool = False
     ) -> tuple[Traverse, Located | None, NDArray[np.bool_]]:
         """The query images to answer, where they and the places were taken (`located`), and which are correct (`of`).
 
@@ -138,21 +208,26 @@ class TruthOptions:
             route: Where the query images lie.
             places: Range of images that the user asked for.
             outputs: Of the command; none may be one of the query images.
+            skip: Whether images that cannot be read are left out (`readable`).
         Raises:
             InputError: the images cannot be used, see `choose_queries`; or a file that says what is correct.
         """
         places = asked_places(route, model, places)
-        queries = self._queries(model, _opened(model, route.sources[0], route.every, outputs), places)
+        whole = _opened(model, route.sources[0], route.every, outputs)
+        chosen, told = self._chosen(model, whole, places)
+        (queries,) = readable([chosen]) if skip else (chosen,)
+        queries = self.where.of(queries, len(whole)) if told else queries
         located = self.located(model, queries)
-        return queries, located, self.of(model, queries, located)
+        return queries, located, self.of(model, queries, located, chosen.indices)
 
-    def _queries(self, model: Model, whole: Traverse, places: tuple[int, int] | None) -> Traverse:
-        """The queries among all images; where positions are known, they need not be in order.
+    def _chosen(self, model: Model, whole: Traverse, places: tuple[int, int] | None) -> tuple[Traverse, bool]:
+        """The queries among all images, and whether ``where`` is to be asked of them, too; where positions are known,
+        they need not be in order.
 
         Where order tells nothing and there is no ground truth, the image nearest to each place is its query.
         """
         if self.tolerance and self.gt is None:  # by order, whatever their names tell
-            return choose_queries(model, whole, places, aligned=True)
+            return choose_queries(model, whole, places, aligned=True), False
         self.where.check(model)
         known = model.positions is not None and (self.where.positions is not None or whole.positions is not None)
         if not self.in_step and known:
@@ -160,15 +235,14 @@ class TruthOptions:
 
             found = self.where.of(whole, len(whole))
             if model.whereabouts is not None and found.positions is not None:
-                return found.take(nearest(model.whereabouts, found.positions)[0].tolist())
+                return found.take(nearest(model.whereabouts, found.positions)[0].tolist()), False
         if not self.in_step and self.aligned:
             raise InputError(
                 f"{shown(whole.source)}: nothing tells which place a query shows, since the traverses of this dataset "
                 "are not in step; train with --positions and give --query-positions FILE, or give --gt FILE, or "
                 "--positions REF.csv QUERY.csv --radius M"
             )
-        chosen = choose_queries(model, whole, places, aligned=self.aligned and not known)
-        return self.where.of(chosen, len(whole))
+        return choose_queries(model, whole, places, aligned=self.aligned and not known), True
 
     def located(self, model: Model, queries: Traverse) -> Located | None:
         """Where the model's places and the queries were taken, if both are known.
@@ -183,9 +257,16 @@ class TruthOptions:
             return None
         return Located.of(places, queries.positions, str(self.where.positions or queries.source))
 
-    def of(self, model: Model, queries: Traverse, located: Located | None) -> NDArray[np.bool_]:
+    def of(
+        self, model: Model, queries: Traverse, located: Located | None, among: NDArray[np.int64] | None = None
+    ) -> NDArray[np.bool_]:
         """Which places are correct for which query, bool (queries, places); what is assumed is told on stderr.
 
+        Args:
+            model: The model that answers.
+            queries: The queries.
+            located: Where places and queries were taken.
+            among: As in `aligned_truth`.
         Raises:
             InputError: a file cannot be used, or says nothing about a query.
         """
@@ -199,10 +280,10 @@ class TruthOptions:
                 "--query-positions FILE"
             )
         else:
-            if not by_number(model, queries):
+            if not by_number(model, queries.indices if among is None else among):
                 taken, places = ranges_of(queries.indices), ranges_of(model.place_indices)
                 stderr.print(f"note: images {taken} are taken, in order, as the places {places}")
-            truth = aligned_truth(model, queries, self.tolerance)
+            truth = aligned_truth(model, queries, self.tolerance, among)
         without = int(np.count_nonzero(~truth.any(axis=1)))
         if without:
             stderr.print(f"note: {without} of {len(truth)} queries show none of the places; they count as not recalled")

@@ -29,6 +29,7 @@ from lava_vpr.cli.nouns import (
     queries_options,
     results_options,
     season_option,
+    skip_option,
 )
 from lava_vpr.cli.outputs import command_line
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
@@ -46,6 +47,7 @@ from lava_vpr.truth.alignment import PositionErrors
 
 @click.command("eval", cls=OneSource)
 @queries_options
+@skip_option
 @benchmark_options
 @truth_options
 @click.option(
@@ -77,6 +79,7 @@ from lava_vpr.truth.alignment import PositionErrors
 def evaluate(
     ctx: click.Context,
     asked: Queries,
+    skip_unreadable: bool,
     benchmark: Benchmark,
     truth: TruthOptions,
     compared: Comparison,
@@ -94,7 +97,7 @@ def evaluate(
     """
     if address is not None and backend != "host":
         raise click.UsageError(f"--cluster runs the backend host, not {backend}; leave one of the two out")
-    route = benchmark.recognised(asked.query, asked.every, places=asked.places)
+    route = benchmark.recognised(asked.query, asked.every, places=asked.places, skip_unreadable=skip_unreadable)
     read = (*truth.files, *(compared.descriptors or ()), *learning.files)
     outputs, page = results.outputs(
         "report.html", learning.gains, read=read, model=asked.model_path, images=route.sources
@@ -103,7 +106,7 @@ def evaluate(
     model = asked.model(compared.asking)
     backends.require(backend, model)
     truth = truth.for_route(route)
-    traverse, located, correct = truth.open(model, route, asked.places, outputs)
+    traverse, located, correct = truth.open(model, route, asked.places, outputs, skip_unreadable)
     compared = replace(compared, motion=_motion(ctx, compared, route, correct))
     queries, result = _recognised(model, traverse, correct, compared, results.drawn, address, backend, seed)
     learning.keep(model, result.used)

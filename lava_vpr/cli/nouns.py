@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +18,10 @@ from lava_vpr.cli.common import PATH, F, Number, Parsed, RegisteredName, noun, s
 from lava_vpr.cli.outputs import Outputs, show_results
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.datasets.selecting import Benchmark
-from lava_vpr.errors import InputError, brief, shown
+from lava_vpr.errors import InputError, UnreadableError, brief, shown
 from lava_vpr.framing import CROPS, NO_CROP
 from lava_vpr.model import Model, integer_model
-from lava_vpr.positions.track import MOST_GAP_S
 from lava_vpr.show.table import FORMS, Table
-from lava_vpr.traverse import Traverse, located
-
-_POSITIONS = "Positions, CSV or GPX: a row an image, or timed (default: from names @UTM_east@UTM_north@...)."
-_STAMPS = "When they were taken: CSV, a row an image; or when a video begins (default: from names and frames)."
 
 
 def place_range(text: str) -> tuple[int, int]:
@@ -69,71 +65,22 @@ every_option = click.option(
 )
 
 
-@dataclass(frozen=True)
-class WhereOptions:
-    """What the user says of where and when one traverse's images were taken.
+def skip_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the option ``--skip-unreadable``, which it names where an image cannot be read."""
 
-    Attributes:
-        positions: CSV or GPX file with positions; None: those in the images' names, if they tell any.
-        stamps: CSV file with times, or when a video begins; None: those of names and frames.
-        gap: Most seconds between two positions between which an image is placed.
-    """
+    @wraps(command)
+    def run(*args: Any, **values: Any) -> Any:
+        try:
+            return command(*args, **values)
+        except UnreadableError as error:
+            raise InputError(f"{error}, or leave such images out with --skip-unreadable") from None
 
-    positions: Path | None = None
-    stamps: str | None = None
-    gap: float = MOST_GAP_S
+    return click.option(
+        "--skip-unreadable",
+        is_flag=True,
+        help="Leave out image files that cannot be read, and say how many and which; the others keep their numbers.",
+    )(run)
 
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """The files to be read."""
-        return tuple(Path(file) for file in (self.positions, self.stamps) if file is not None)
-
-    def check(self, model: Model) -> None:
-        """Refuse positions that nothing can be done with.
-
-        Raises:
-            InputError: they are given, but the model has none.
-        """
-        if self.positions is not None and model.positions is None:
-            raise InputError(
-                "--query-positions needs a model that knows where its places are; train it with --positions, or use "
-                "eval --positions REF.csv QUERY.csv"
-            )
-
-    def of(self, traverse: Traverse, whole: int) -> Traverse:
-        """``traverse``, some of ``whole`` images, with what is told of them.
-
-        Raises:
-            InputError: a file cannot be used, or does not tell of each image.
-        """
-        return located(traverse, whole, self.positions, self.stamps, self.gap)
-
-
-_GAP = click.option(
-    "--gap",
-    type=Number(min=0),
-    default=MOST_GAP_S,
-    show_default=True,
-    metavar="SECONDS",
-    help="Longest gap between two positions in which an image is placed by its time.",
-)
-_EACH = " Once for each REFERENCE, in order."
-
-query_positions_options = noun(
-    "where",
-    lambda query_positions, stamps, gap: WhereOptions(query_positions, stamps, gap),
-    click.option("--query-positions", type=PATH, default=None, metavar="FILE", help=_POSITIONS),
-    click.option("--stamps", default=None, metavar="FILE|TIME", help=_STAMPS),
-    _GAP,
-)
-"""The options ``--query-positions``, ``--stamps`` and ``--gap``, given to the command as ``where``."""
-
-reference_positions_options = several(
-    click.option("--positions", type=PATH, multiple=True, metavar="FILE", help=_POSITIONS + _EACH),
-    click.option("--stamps", multiple=True, metavar="FILE|TIME", help=_STAMPS + _EACH),
-    _GAP,
-)
-"""Give a command the options ``--positions``, ``--stamps`` and ``--gap`` of several traverses."""
 
 dataset_options = several(
     click.option(

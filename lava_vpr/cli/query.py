@@ -18,6 +18,7 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.backends.answering import Answered, answer_stream
 from lava_vpr.backends.asking import Asking, calibration_of, open_model
 from lava_vpr.backends.interface import Advance
+from lava_vpr.cli.choose import WhereOptions, query_positions_options
 from lava_vpr.cli.common import (
     PATH,
     motion_option,
@@ -31,13 +32,12 @@ from lava_vpr.cli.common import (
 from lava_vpr.cli.nouns import (
     Learning,
     OneSource,
-    WhereOptions,
     answer_options,
     asking_options,
     every_option,
     places_option,
-    query_positions_options,
     season_option,
+    skip_option,
 )
 from lava_vpr.cli.show.matches import MatchTable, Notes, Row, sentences
 from lava_vpr.cli.show.streams import Asked, Writing, writing_options
@@ -50,7 +50,7 @@ from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.probability import Calibration
 from lava_vpr.matching.sequences import Pace
 from lava_vpr.model import Model
-from lava_vpr.traverse import Traverse, open_traverse
+from lava_vpr.traverse import Traverse, open_traverse, readable
 
 SHOWN: dict[str, Callable[[MatchTable, Row, float], str]] = {
     "csv": lambda table, row, least: table.csv(row),
@@ -93,6 +93,7 @@ class Accepting:
 @writing_options
 @places_option("Images A..B-1 only (default: all).")
 @every_option
+@skip_option
 @asking_options
 @season_option
 @answer_options
@@ -124,6 +125,7 @@ def query(
     writing: Writing,
     places: tuple[int, int] | None,
     every: float,
+    skip_unreadable: bool,
     asking: Asking,
     learning: Learning,
     backend: str,
@@ -144,7 +146,11 @@ def query(
     model, asking = _asked(open_model(model_path), learning.of(asking), motion, where, backend)
     whole = open_traverse(images, every=every, events=model.config.events)
     outputs.spare(whole.paths)
-    traverse = where.of(whole.between(*places) if places else whole, len(whole))
+    traverse = whole.between(*places) if places else whole
+    if skip_unreadable:
+        with stage(f"looking for images of {images} that cannot be read"):
+            (traverse,) = readable([traverse])
+    traverse = where.of(traverse, len(whole))
     _check_length(traverse, images, sequence)
     table = MatchTable.of(model, traverse, writing.top, chances=motion != NONE)
     together = Together(sequence, motion, _calibration(model, asking), accepting.off_map)

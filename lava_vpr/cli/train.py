@@ -11,6 +11,7 @@ from lava_vpr import model as model_file
 from lava_vpr.backends.answering import paired
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.season import save as save_season
+from lava_vpr.cli.choose import reference_positions_options
 from lava_vpr.cli.common import (
     PATH,
     Number,
@@ -22,14 +23,7 @@ from lava_vpr.cli.common import (
     stderr,
     whole_numbers,
 )
-from lava_vpr.cli.nouns import (
-    crop_option,
-    dataset_options,
-    every_option,
-    jobs_option,
-    places_option,
-    reference_positions_options,
-)
+from lava_vpr.cli.nouns import crop_option, dataset_options, every_option, jobs_option, places_option, skip_option
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.learning import TERMINAL
@@ -44,7 +38,7 @@ from lava_vpr.model import Model
 from lava_vpr.storage.writing import only_one
 from lava_vpr.training.checkpoint import remove_checkpoint
 from lava_vpr.training.trainers import LEARNING, OWN
-from lava_vpr.traverse import Traverse, open_traverse
+from lava_vpr.traverse import Traverse, open_traverse, readable
 from lava_vpr.truth.alignment import shown_places
 
 
@@ -63,6 +57,7 @@ from lava_vpr.truth.alignment import shown_places
 @click.option("--config", type=PATH, default=None, metavar="FILE", help="Settings in TOML.")
 @places_option("Images A..B-1 of each REFERENCE (default: all).")
 @every_option
+@skip_option
 @dataset_options
 @click.option("--input", type=RegisteredName(INPUTS), default=None, help="What the inputs encode.")
 @click.option(
@@ -194,7 +189,7 @@ def train(
         model_file.save(model, output)
         remove_checkpoint(checkpoint)
         if pairs is not None:
-            _teach(model, part[0], gt, training.crop, pool, pairs)
+            _teach(model, (readable(part) if training.skip_unreadable else part)[0], gt, training.crop, pool, pairs)
     among = f" in {len(model.stretches)} stretches" if len(model.stretches) > 1 else ""
     tell(model, f"learned {model.places} places{among} in {seconds:.1f} s: {describe(model)}\nmodel: {shown(output)}")
 

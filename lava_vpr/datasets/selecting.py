@@ -120,7 +120,7 @@ class Benchmark:
         return Selection((str(opened.query),), opened.layout.every, opened, self.section)
 
     def _opened(self, root: str, excluded: dict[str, Any]) -> OpenedDataset:
-        given = [f"--{name}" for name, value in excluded.items() if value]
+        given = [f"--{name.replace('_', '-')}" for name, value in excluded.items() if value]
         if given:
             raise UsageError(f"--dataset says itself which images are taken; leave out {', '.join(given)}")
         opened = find_layout(self.name or "", root)

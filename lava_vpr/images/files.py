@@ -5,8 +5,10 @@ Each refusal is one clear line.
 
 from __future__ import annotations
 
+import logging
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NoReturn
 
@@ -14,7 +16,16 @@ from lava_vpr.errors import InputError, brief, shown
 from lava_vpr.storage.tables import csv_rows, text_lines
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+UNREAD_SUFFIXES = (".heic", ".heif", ".hif", ".avif")
+CONVERT = (
+    "convert such images to JPEG (magick mogrify -format jpg *.heic, or heif-convert), or let the phone take JPEG "
+    "(iPhone: Camera, Formats, Most Compatible)"
+)
+"""What helps against images in the formats of phones, which nothing here can decode."""
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg")
+
+
+_NOTES = logging.getLogger("lava_vpr")
 
 
 def natural_key(name: str) -> tuple[list[str | tuple[int, str]], str]:
@@ -41,7 +52,7 @@ def refuse_file(path: Path, where: str = "", remedy: str = "") -> NoReturn:
 
 def folder_images(folder: Path) -> list[str]:
     """The paths of the image files directly in ``folder``, naturally sorted."""
-    names, subfolders = [], []
+    names, subfolders, unread = [], [], []
     try:
         with os.scandir(folder) as entries:
             for entry in entries:
@@ -49,6 +60,8 @@ def folder_images(folder: Path) -> list[str]:
                     continue
                 if entry.is_dir():
                     subfolders.append(entry.name)
+                elif is_unread(entry.name):
+                    unread.append(entry.name)
                 elif Path(entry.name).suffix.lower() in IMAGE_SUFFIXES:
                     # Leaving one out would silently shift the index of all that follow.
                     if not entry.is_file():
@@ -57,12 +70,34 @@ def folder_images(folder: Path) -> list[str]:
     except OSError as error:
         where = folder if error.filename is None else error.filename
         raise InputError(f"{shown(where)}: cannot be read ({error.strerror}); check it and its permissions") from None
+    if not names and unread:
+        raise InputError(f"{shown(folder)}: holds only {_unread(unread)}; {CONVERT}")
+    note_unread(folder, unread)
     if not names:
         hint = "give a folder that holds images directly"
         if subfolders:
             hint = "give one of its subfolders, such as " + shown(min(subfolders, key=natural_key))
         raise InputError(f"{shown(folder)}: holds no images ({' '.join(s[1:] for s in IMAGE_SUFFIXES)}); {hint}")
     return [str(folder / name) for name in sorted(names, key=natural_key)]
+
+
+def is_unread(name: str) -> bool:
+    """Whether a file is an image by its name, in a format that nothing here can decode."""
+    return Path(name).suffix.lower() in UNREAD_SUFFIXES
+
+
+def _unread(names: list[str]) -> str:
+    """How many images of such formats there are, and the first, for a message."""
+    many = f"{len(names)} image{'s' if len(names) > 1 else ''}"
+    return f"{many} in a format that cannot be read (first: {shown(min(names, key=natural_key))})"
+
+
+def note_unread(folder: Path, names: Iterable[str]) -> bool:
+    """Note which images of ``folder`` are left out because nothing here can decode their format; whether any are."""
+    unread = list(names)
+    if unread:
+        _NOTES.warning(f"{shown(folder)}: holds {_unread(unread)}, left out here; {CONVERT}")
+    return bool(unread)
 
 
 LIST_SUFFIXES = (".txt", ".lst", ".csv")

@@ -19,6 +19,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 from lava_vpr.errors import InputError
+from lava_vpr.images.files import CONVERT
 from lava_vpr.images.windows import DamagedError, Part, Window, riff_chunk
 from lava_vpr.storage.limits import within
 
@@ -263,6 +264,8 @@ def _first(tags: dict[int, tuple[int, ...]], tag: int, otherwise: int = 0) -> in
     return (tags.get(tag) or (otherwise,))[0]
 
 
+_PHONES = re.compile(rb".{4}ftyp(heic|heix|heim|heis|hevc|hevx|mif1|msf1|avif|avis)", re.DOTALL)
+"""How HEIC, HEIF and AVIF begin. Source: ISO/IEC 23008-12 and the AV1 Image File Format, their brands."""
 _WALKERS: tuple[tuple[re.Pattern[bytes], Callable[[bytes, Window], Header]], ...] = (
     (re.compile(rb"\xff\xd8\xff"), _walk_jpeg),
     (re.compile(rb"\x89PNG\r\n\x1a\n"), _walk_png),
@@ -281,6 +284,8 @@ def walk(data: bytes) -> Header:
         InputError: no known format, or it costs more than allowed.
     """
     walker = next((walker for begins, walker in _WALKERS if begins.match(data)), None)
+    if walker is None and _PHONES.match(data):
+        raise InputError(f"is a HEIC, HEIF or AVIF image, which cannot be read, whatever its name says; {CONVERT}")
     if walker is None:
         raise InputError("is not a JPEG, PNG, BMP, TIFF or WebP image, whatever its name says; replace or remove it")
     found = walker(data, Window(data, "image_parts"))

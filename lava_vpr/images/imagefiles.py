@@ -27,8 +27,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError, shown
-from lava_vpr.images.files import IMAGE_SUFFIXES, natural_key
+from lava_vpr.errors import InputError, UnreadableError, shown
+from lava_vpr.images.files import IMAGE_SUFFIXES, is_unread, natural_key, note_unread
 from lava_vpr.images.formats import Header, orientation_of, walk
 from lava_vpr.images.windows import DamagedError
 from lava_vpr.storage.reading import read_bytes
@@ -188,14 +188,17 @@ def read_image(path: Path) -> NDArray[np.uint8]:
     """The image in file ``path`` as uint8, (h, w, 3) BGR, or (h, w) for a grey file.
 
     Raises:
-        InputError: the file cannot be read, is no image, is damaged, or holds samples that are neither 8 nor 16 bits.
+        UnreadableError: it cannot be read, is no image, is damaged, or holds samples of neither 8 nor 16 bits.
     """
     try:
         _alone_if(os.path.isfile(path) and os.path.getsize(path) > SIDE_BYTES)
         data = read_bytes(path, "image_bytes")
     except OSError as error:
-        raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check path and permissions") from None
-    return decode_image(data, shown(path))
+        raise UnreadableError(f"{shown(path)}: cannot be read ({error.strerror}); check path and permissions") from None
+    try:
+        return decode_image(data, shown(path))
+    except InputError as error:
+        raise UnreadableError(str(error)) from None
 
 
 _NOTES = logging.getLogger("lava_vpr")
@@ -317,7 +320,7 @@ class _Listing:
     """The names of the images in a folder, listed anew where it may have changed."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder, self._changed = folder, -1
+        self._folder, self._changed, self._noted = folder, -1, False
 
     def names(self) -> set[str] | None:
         """The names; None: they are as they were."""
@@ -326,12 +329,15 @@ class _Listing:
             if changed == self._changed and time.time_ns() - changed > _TICK_NS:
                 return None
             self._changed = changed
-            with os.scandir(self._folder) as entries:
-                return {entry.name for entry in entries if _is_image(entry)}
+            with os.scandir(self._folder) as found:
+                entries = list(found)
         except OSError as error:
             raise InputError(
                 f"{shown(self._folder)}: cannot be watched ({error.strerror}); check it and its permissions"
             ) from None
+        if not self._noted:
+            self._noted = note_unread(self._folder, (entry.name for entry in entries if is_unread(entry.name)))
+        return {entry.name for entry in entries if _is_image(entry)}
 
 
 def _is_image(entry: os.DirEntry[str]) -> bool:

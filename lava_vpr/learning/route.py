@@ -39,7 +39,7 @@ from lava_vpr.training.measuring import calibrated
 from lava_vpr.training.preparing import check_asked, check_references, choose_places, fitted, settings_for
 from lava_vpr.training.stretches import UNSEEN, Monitor, learning_bar
 from lava_vpr.training.trainers import rule_settings
-from lava_vpr.traverse import Traverse, open_traverses
+from lava_vpr.traverse import Traverse, open_traverses, readable
 
 _NOTES = logging.getLogger("lava_vpr")
 SETTINGS = {
@@ -66,6 +66,7 @@ def train(
     config: Config | str | Path | None = None,
     places: tuple[int, int] | None = None,
     every: float = 1.0,
+    skip_unreadable: bool = False,
     dataset: str | None = None,
     section: int | None = None,
     positions: Places = (),
@@ -98,6 +99,8 @@ def train(
         dataset, section: The one reference is the folder of this benchmark dataset, and one of its sections, from 1.
         positions: Where images were taken, of the first traverse or of each; an array is x and y in metres, float64
             (images, 2), of the images in use.
+        skip_unreadable: Leave out image files that cannot be read, and note which; the others keep their absolute
+            indices, and of traverses in step the same images are left out of all.
         stamps: CSV file with the times of the images, or when a video begins, of the first traverse or of each.
         gap: Longest gap in seconds between two positions in which an image is placed by its time.
         spacing: Learn a place every so many metres; needs positions.
@@ -121,6 +124,7 @@ def train(
         "preset": preset,
         "places": places,
         "every": every,
+        "skip_unreadable": skip_unreadable,
         "dataset": dataset,
         "section": section,
         "stamps": stamps,
@@ -132,7 +136,9 @@ def train(
         "resume": resume,
         "crop": crop,
     }
-    check_arguments("every stamps gap parts resume crop", rates=rates, threads=threads, cluster=cluster, **arguments)
+    check_arguments(
+        "every skip_unreadable stamps gap parts resume crop", rates=rates, threads=threads, cluster=cluster, **arguments
+    )
     if bool(references) == (rates is not None):
         raise InputError("there is nothing to learn, or too much; give the images of a route, or rates")
     if rates is not None:
@@ -171,6 +177,7 @@ class Training:
     config: Config | str | Path | None = None
     places: tuple[int, int] | None = None
     every: float = 1.0
+    skip_unreadable: bool = False
     dataset: str | None = None
     section: int | None = None
     positions: Places = ()
@@ -217,7 +224,8 @@ class Training:
             InputError: a benchmark dataset is not where it should be.
         """
         chosen = Benchmark(self.dataset, self.section)
-        return chosen.learned(self._paths, self.every, places=self.places, keyframes=self.keyframes)
+        excluded = {"places": self.places, "keyframes": self.keyframes, "skip_unreadable": self.skip_unreadable}
+        return chosen.learned(self._paths, self.every, **excluded)
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -295,6 +303,9 @@ class Training:
     def _chosen(self, whole: Sequence[Traverse], monitor: Monitor) -> tuple[list[Traverse], Config]:
         """The images of each traverse that become places, and settings for what they are."""
         ranges = self.selection.sampled(whole, self.places)
+        if self.skip_unreadable:
+            with monitor.stage("looking for images that cannot be read"):
+                ranges = readable(ranges)
         if "input" in self.settings:
             check_asked(ranges, self.start)
         config = settings_for(self.start, ranges)

@@ -79,6 +79,7 @@ _ARGUMENTS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "config": (is_path, "a Config, or the path of a file"),
     "standard": (is_path, "a Model, or the path of a file"),
     "resume": _YES_OR_NO,
+    "skip_unreadable": _YES_OR_NO,
     "allow_duplicates": _YES_OR_NO,
     "learn": _YES_OR_NO,
 }

@@ -28,9 +28,9 @@ from lava_vpr.traverse import Traverse
 _NOTES = logging.getLogger("lava_vpr")
 
 
-def by_number(model: Model, queries: Traverse) -> bool:
-    """Whether every query has the absolute index of a place, so that equal indices are the same place."""
-    return bool(np.isin(queries.indices, model.place_indices).all())
+def by_number(model: Model, indices: NDArray[np.int64]) -> bool:
+    """Whether all queries' absolute ``indices`` are those of places, so that equal indices are the same place."""
+    return bool(np.isin(indices, model.place_indices).all())
 
 
 def _contiguous(model: Model) -> bool:
@@ -84,17 +84,22 @@ def choose_queries(model: Model, whole: Traverse, places: tuple[int, int] | None
     return whole.between(int(model.place_indices.min()), int(model.place_indices.max()) + 1)
 
 
-def aligned_truth(model: Model, queries: Traverse, tolerance: int = 0) -> NDArray[np.bool_]:
+def aligned_truth(
+    model: Model, queries: Traverse, tolerance: int = 0, among: NDArray[np.int64] | None = None
+) -> NDArray[np.bool_]:
     """Ground truth of traverses in step, bool (queries, places): by absolute index, or else by order.
 
     Args:
         model: The model that answers.
-        queries: As many as the model's places, or some of them (`by_number`).
+        queries: The queries.
         tolerance: Places off that still count.
+        among: Absolute indices of what `choose_queries` chose, as many as the model's places, or some of them
+            (`by_number`), in increasing order; None: all of them are queries.
     """
-    if by_number(model, queries):
+    among = queries.indices if among is None else among
+    if by_number(model, among):
         return truth_from_indices(queries.indices, model.place_indices, tolerance)
-    return truth_from_indices(np.arange(len(queries)), np.arange(model.places), tolerance)
+    return truth_from_indices(np.searchsorted(among, queries.indices), np.arange(model.places), tolerance)
 
 
 def shown_places(model: Model, queries: Traverse, gt: Path | None = None) -> NDArray[np.int64]:

@@ -17,15 +17,9 @@ import click
 
 from lava_vpr import maps, model as model_file
 from lava_vpr.backends.asking import open_model
+from lava_vpr.cli.choose import reference_positions_options
 from lava_vpr.cli.common import PATH, Number, Parsed, RegisteredName, console, stage, stderr
-from lava_vpr.cli.nouns import (
-    crop_option,
-    every_option,
-    jobs_option,
-    place_range,
-    places_option,
-    reference_positions_options,
-)
+from lava_vpr.cli.nouns import crop_option, every_option, jobs_option, place_range, places_option, skip_option
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.cli.train import describe, tell
@@ -41,7 +35,7 @@ from lava_vpr.storage.writing import only_one
 from lava_vpr.training.measuring import calibrated
 from lava_vpr.training.preparing import check_references
 from lava_vpr.training.stretches import learning_bar
-from lava_vpr.traverse import Traverse, open_traverses, ranges_of
+from lava_vpr.traverse import Traverse, open_traverses, ranges_of, readable
 
 _OUTPUT = "File to write (default: MODEL, replaced in one step when the new one is complete)."
 
@@ -69,6 +63,7 @@ def place_ranges(text: str) -> tuple[tuple[int, int], ...]:
 @click.option("-o", "--output", type=PATH, default=None, metavar="MODEL", help=_OUTPUT)
 @places_option("Images A..B-1 of each of IMAGES (default: all).")
 @every_option
+@skip_option
 @reference_positions_options
 @duplicates_option
 @crop_option
@@ -79,6 +74,7 @@ def extend(
     output: Path | None,
     places: tuple[int, int] | None,
     every: float,
+    skip_unreadable: bool,
     allow_duplicates: bool,
     crop: str,
     jobs: int | None,
@@ -100,6 +96,9 @@ def extend(
         whole = open_traverses(images, every=every, events=model.config.events)
         outputs.spare(path for traverse in whole for path in traverse.paths)
         ranges = [traverse.between(*places) if places else traverse for traverse in whole]
+        if skip_unreadable:
+            with stage("looking for images that cannot be read"):
+                ranges = readable(ranges)
         chosen = located_each(ranges, [len(traverse) for traverse in whole], **where)
         check_references([len(traverse) for traverse in chosen], images, least=1)
         stretches = check_extension(model, len(chosen[0]), len(chosen), model_path)
