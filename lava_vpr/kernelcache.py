@@ -13,6 +13,7 @@ import os
 import re
 import stat
 import tempfile
+import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -27,6 +28,7 @@ NOTES = logging.getLogger("lava_vpr")
 
 _noted = False
 _open = 0
+_began = _spent = 0.0
 COMPILING_TEXT = "compiling kernels (first run)"
 COMPILING: list[Callable[[bool], None]] = []
 """Who is told that kernels are compiled, True, and that one is done, False: the last of them."""
@@ -169,11 +171,18 @@ def _cache_class() -> Any:
 
 def _tell(begun: bool) -> None:
     """Say that kernels are compiled now, or that the last of them is done: one may be compiled within another."""
-    global _open
+    global _open, _began, _spent
     _open += 1 if begun else -1
     if _open == int(begun):
+        now = time.perf_counter()
+        _began, _spent = (now, _spent) if begun else (_began, _spent + now - _began)
         for told in COMPILING[-1:]:
             told(begun)
+
+
+def seconds_compiling() -> float:
+    """How long kernels were compiled in this process, s."""
+    return _spent
 
 
 def _note(place: str, reason: str) -> None:

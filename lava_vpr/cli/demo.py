@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import click
@@ -37,6 +36,9 @@ from lava_vpr.show.page import write_page
 from lava_vpr.synthetic.drives import EventDrive, write_drives
 from lava_vpr.synthetic.world import CONDITIONS, METRES_PER_S, World, write_traverses
 from lava_vpr.truth.alignment import aligned_truth
+
+SPACING_M = 5.0
+"""Metres between two places of `demo`: so near that ways to match them differ."""
 
 
 @click.command()
@@ -112,12 +114,13 @@ def demo(out: Path) -> None:
     earlier = all(path.is_file() for path in results)
     kept = ("model.lvpr", "figures.json", "report") if earlier else ()
     with progress_bar("drawing", 200) as advance:
-        write_traverses(out, 100, 0, keep=kept, drawn=lambda: advance(1))
-    console.print(f"drew 100 places in summer and winter: {shown(out / 'reference')}, {shown(out / 'query')}")
-    started = time.perf_counter()
-    model, _ = Training((out / "reference",)).learn(Pool(cores()), TERMINAL)
+        write_traverses(out, 100, 0, keep=kept, spacing_m=SPACING_M, drawn=lambda: advance(1))
+    drawn = f"{shown(out / 'reference')}, {shown(out / 'query')}"
+    console.print(f"drew 100 places, {SPACING_M:.0f} m apart, in summer and winter: {drawn}")
+    learned = Training((out / "reference",)).learn(Pool(cores()), TERMINAL)
+    model = learned.model
     console.print(
-        f"learned them in {time.perf_counter() - started:.1f} s with {model.neurons} neurons and "
+        f"learned them in {learned.took} with {model.neurons} neurons and "
         f"{model.weight_bits}-bit weights: {shown(out / 'model.lvpr')}",
     )
     traverse = open_queries(model, str(out / "query"), None, 1.0, outputs)

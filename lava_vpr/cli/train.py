@@ -35,6 +35,7 @@ from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.learning.route import Training
 from lava_vpr.model import Model
+from lava_vpr.show.numbers import counted
 from lava_vpr.storage.writing import only_one
 from lava_vpr.training.checkpoint import remove_checkpoint
 from lava_vpr.training.trainers import LEARNING, OWN
@@ -185,13 +186,14 @@ def train(
     part = [open_traverse(source, every=training.every, events=training.start.events) for source in other]
     outputs.spare(path for traverse in part for path in traverse.paths)
     with only_one(output), pool_at(address, jobs) as pool:
-        model, seconds = training.learn(pool, TERMINAL, opened=outputs.spare)
+        done = training.learn(pool, TERMINAL, opened=outputs.spare)
+        model = done.model
         model_file.save(model, output)
         remove_checkpoint(checkpoint)
         if pairs is not None:
             _teach(model, (readable(part) if training.skip_unreadable else part)[0], gt, training.crop, pool, pairs)
     among = f" in {len(model.stretches)} stretches" if len(model.stretches) > 1 else ""
-    tell(model, f"learned {model.places} places{among} in {seconds:.1f} s: {describe(model)}\nmodel: {shown(output)}")
+    tell(model, f"learned {model.places} places{among} in {done.took}: {describe(model)}\nmodel: {shown(output)}")
 
 
 def _parted(
@@ -219,10 +221,13 @@ def _teach(model: Model, part: Traverse, gt: Path | None, crop: str, pool: Pool,
 def describe(model: Model) -> str:
     """A model's network and what it does for its references, in one line."""
     figures = model.training
+    idle = model.neurons - round(figures["neurons_used"])
+    lacking = model.places - round(figures["places_covered"])
     bits = f"{model.weight_bits}-bit weights" if model.weight_bits else "float weights"
     return (
-        f"{model.neurons} neurons, {bits}, {figures['spikes_per_image']:.1f} spikes per image, "
-        f"{figures['neurons_used']:.0f} neurons used, {figures['places_covered']:.0f} of {model.places} places covered"
+        f"{model.neurons} neurons, {bits}, {figures['spikes_per_image']:.1f} spikes an image; "
+        + (f"{counted(idle, 'neuron')} without a place; " if idle else "")
+        + (f"{counted(lacking, 'place')} without a neuron" if lacking else "every place has a neuron")
     )
 
 

@@ -28,6 +28,7 @@ from lava_vpr.errors import InputError, UsageError, shown
 from lava_vpr.events.files import is_recording
 from lava_vpr.framing import NO_CROP
 from lava_vpr.inputs.windows import EventsConfig
+from lava_vpr.kernelcache import seconds_compiling
 from lava_vpr.learning.behind import compared
 from lava_vpr.learning.references import Images, Places, each, encode_route, in_memory, located_each
 from lava_vpr.model import Model
@@ -157,10 +158,17 @@ def train(
 
 
 class Learned(NamedTuple):
-    """A model, and the seconds that learning and calibrating took, without reading."""
+    """A model, seconds that learning and calibrating took, without reading, and seconds of compiling, for all of it."""
 
     model: Model
     seconds: float
+    compiling: float
+
+    @property
+    def took(self) -> str:
+        """Both, for people."""
+        first = f" (and {self.compiling:.0f} s compiling, in the first run alone)" if self.compiling >= 1 else ""
+        return f"{self.seconds:.1f} s{first}"
 
 
 @dataclass(frozen=True)
@@ -253,6 +261,7 @@ class Training:
         Raises:
             LavaVprError: as `train`.
         """
+        compiled = seconds_compiling()
         if self.checkpoint is not None:
             check_resume(self.checkpoint, self.resume)
         whole = self._opened(self.start.events)
@@ -262,7 +271,7 @@ class Training:
         config, standard, references = encode_route(
             chosen, config, monitor, self.standard, threads=pool.threads, crop=self.crop
         )
-        started = time.perf_counter()
+        started = time.perf_counter() - seconds_compiling()
         try:
             with learning_bar(
                 monitor, stretches, config, len(chosen), here=pool.here, checkpoint=self.checkpoint
@@ -286,12 +295,13 @@ class Training:
             raise
         with monitor.stage("calibrating probabilities"):
             model = calibrated(model, pool)
-        seconds = time.perf_counter() - started
+        seconds = time.perf_counter() - seconds_compiling() - started
+        compiled = seconds_compiling() - compiled
         with monitor.stage("comparing with templates"):
             found = compared(model, pool)
         if found is not None and found.said is not None:
             _NOTES.warning(found.said)
-        return Learned(model, seconds)
+        return Learned(model, seconds, compiled)
 
     def _opened(self, events: EventsConfig) -> list[Traverse]:
         """Each reference as a traverse, whole."""

@@ -33,9 +33,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def test_demo_twice_into_the_same_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     module = importlib.import_module("lava_vpr.cli.demo")
     draw = module.write_traverses
-    monkeypatch.setattr(
-        module, "write_traverses", lambda out, places, seed, keep, drawn: draw(out, 12, seed, keep=keep)
-    )
+    monkeypatch.setattr(module, "write_traverses", lambda out, places, *given, **how: draw(out, 12, *given, **how))
     monkeypatch.chdir(tmp_path)
     results = []
     for _ in range(2):
@@ -167,6 +165,7 @@ def test_options_reach_the_model(here: Path) -> None:
     text = run("train", "reference", "-o", "n.lvpr", "--config", "quick.toml", *options.split()).stdout
     assert text.startswith("learned 8 places in 3 stretches in ")
     assert ": 12 neurons, 5-bit weights, " in text
+    assert re.search(r" an image; \d+ neurons? without a place; every place has a neuron$", text, re.MULTILINE)
     learned = model.load(Path("n.lvpr"))
     assert [part.places for part in learned.stretches] == [3, 2, 3]
     assert [part.neurons for part in learned.stretches] == [4, 4, 4]

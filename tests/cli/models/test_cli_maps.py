@@ -38,7 +38,7 @@ def test_extend_merge_and_train_write_the_same_file(here: Path) -> None:
     said = run("extend", "first.lvpr", "reference", "--places", "5:8", "-o", "more.lvpr").stdout
     assert said.startswith("learned 3 places more, 5:8, in ")
     assert ": 8 places in 3 stretches, 8 neurons, 3-bit weights, " in said
-    assert said.endswith("8 of 8 places covered\nmodel: more.lvpr\n")
+    assert said.endswith("every place has a neuron\nmodel: more.lvpr\n")
     said = run("merge", "first.lvpr", "second.lvpr", "-o", "merged.lvpr").stdout
     assert said.startswith("merged 2 models: 8 places in 3 stretches, 8 neurons, ")
     assert data("first.lvpr") == before
