@@ -107,3 +107,9 @@ def test_no_page_claims_images_on_which_nothing_was_chosen() -> None:
 
 def test_security_is_found_from_the_readme() -> None:
     assert "docs/security.md" in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_readme_is_read_in_minutes() -> None:
+    """At most 900 words, code and tables among them."""
+    text = re.sub(r"<!--.*?-->|\|", " ", (ROOT / "README.md").read_text(encoding="utf-8"))
+    assert 500 < len(text.split()) <= 900
