@@ -57,7 +57,7 @@ def race_of(spec: FrontEnd, drive: NDArray[np.float64]) -> Shown:
     """The race of neurons with such drives, each by itself."""
     steps = (drive[..., None] <= spec.responses).sum(axis=-1)
     times = np.where(steps < spec.race, spec.levels + steps, NEVER).astype(np.int32)
-    return raced(np.ascontiguousarray(times), spec.numbers._replace(apart=0))
+    return raced(np.ascontiguousarray(times), spec.numbers._replace(apart=0))[:2]
 
 
 def alone(spec: FrontEnd, image: NDArray[np.uint8]) -> Shown:

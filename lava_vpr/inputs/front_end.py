@@ -33,14 +33,12 @@ from numpy.typing import NDArray
 from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.front_end_kernels import RaceNumbers, counted
 from lava_vpr.inputs.patches import averaged
-from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT, STATE_LIMIT, WEIGHT_LIMIT
+from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT, STATE_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 
 COLUMNS = 2
 """Every other column of pixels has filters."""
-HOLD = 63
-"""Steps after a spike in which neurons that spike once stay at 0, what 6 bits hold: a presentation is no longer."""
-
-
+LONGEST = 64
+"""Most steps of a presentation: a neuron that has silenced itself by a spike stays so for twice as many."""
 SPARE = 16
 """What rounding can add to a filter's current, and more, in units of a weight."""
 
@@ -94,8 +92,8 @@ class FrontEnd:
         ):
             if value % unit:
                 raise ConfigError(f"a front end's {name} is {value}, but must be a multiple of {unit}")
-        if self.steps > HOLD + 1:
-            raise ConfigError(f"a presentation of {self.steps} steps is longer than {HOLD + 1}; use fewer levels")
+        if self.steps > LONGEST:
+            raise ConfigError(f"a presentation of {self.steps} steps is longer than {LONGEST}; use fewer levels")
 
     @property
     def height(self) -> int:
@@ -218,6 +216,11 @@ class FrontEnd:
         return WEIGHT_LIMIT
 
     @property
+    def own_silencing(self) -> int:
+        """What the spike of a neuron that spikes once takes from itself: more than comes to it afterwards."""
+        return WEIGHT_LIMIT << WEIGHT_EXPONENT_LIMIT
+
+    @property
     def onset_weight(self) -> int:
         """What an onset gives its cell: enough for ``most`` spikes, each of which takes `cell_weight`."""
         return self.most * self.cell_weight
@@ -260,8 +263,33 @@ class FrontEnd:
 
     def spikes(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """The spikes of cells, int32 (orientations, grid, grid), and of each population after the clock, int64 (6,)."""
-        counts, spikes = counted(self.seen(image), self.numbers)
+        _, (counts, spikes, _, _) = counted(self.seen(image), self.numbers)
         return counts, spikes
+
+    def trains(self, grey: NDArray[np.uint8]) -> dict[str, NDArray[np.uint8]]:
+        """Every spike of each population by name, uint8 (n, steps, neurons).
+
+        Args:
+            grey: What the pixels take of each image (`seen`), uint8 (n, height, width).
+        """
+        films = {name: np.zeros((len(grey), self.steps, n), np.uint8) for name, n in self.populations.items()}
+        films["clock"][:, np.arange(self.end), np.arange(self.end)] = 1
+        now = np.arange(self.steps)[:, None]
+        for number, image in enumerate(grey):
+            times, (counts, _, onsets, silent) = counted(image, self.numbers)
+            both = np.maximum(np.roll(times, self.apart, axis=2), np.roll(times, -self.apart, axis=2))
+            steps = {
+                "pixels": self.numbers.pixel_steps[image],
+                "filters": times,
+                "pairs": both + 1,
+                "onsets": onsets,
+                "pools": silent - 1,
+            }
+            for name, each in steps.items():
+                films[name][number] = now == each.reshape(-1)
+            begun = onsets.reshape(-1)
+            films["cells"][number] = (now > begun) & (now <= begun + counts.reshape(-1))
+        return films
 
 
 FRONT_END = FrontEnd()

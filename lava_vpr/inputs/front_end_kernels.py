@@ -6,7 +6,7 @@ Of neurons that spike once it keeps the step, `NEVER` if there is none.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,11 @@ from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY
 
 NEVER = np.int32(1 << 20)
+
+Raced: TypeAlias = "tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int32], NDArray[np.int32]]"
+"""Spikes of the cells, int32 (orientations, grid, grid); of all pixels, filters, pairs, onsets, cells and pools
+together, int64 (6,); the steps in which onsets spike, shaped as the cells; and those after the pools'
+spikes, (grid, grid)."""
 
 
 class RaceNumbers(NamedTuple):
@@ -117,9 +122,8 @@ def _filter_steps(grey: NDArray[np.uint8], numbers: RaceNumbers) -> NDArray[np.i
 
 
 @compiled(nogil=True)
-def raced(times: NDArray[np.int32], numbers: RaceNumbers) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Spikes of the cells, int32 (orientations, grid, grid), and of all pixels, filters, pairs, onsets, cells and pools
-    together, int64 (6,).
+def raced(times: NDArray[np.int32], numbers: RaceNumbers) -> Raced:
+    """What becomes of the filters' spikes.
 
     Args:
         times: The step in which each filter spikes, int32 (rows, columns, directions).
@@ -165,10 +169,12 @@ def raced(times: NDArray[np.int32], numbers: RaceNumbers) -> tuple[NDArray[np.in
                         counts[channel, row, column] += 1
                         new[row, column] += 1
                 spikes[4] += new[row, column]
-    return counts, spikes
+    return counts, spikes, first, silent
 
 
 @compiled(nogil=True)
-def counted(grey: NDArray[np.uint8], numbers: RaceNumbers) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """What `raced` counts where filters see an image, uint8 (rows, columns)."""
-    return raced(_filter_steps(grey, numbers), numbers)
+def counted(grey: NDArray[np.uint8], numbers: RaceNumbers) -> tuple[NDArray[np.int32], Raced]:
+    """The step in which each filter that sees an image, uint8 (rows, columns), spikes, int32 (rows, columns,
+    directions), and what becomes of these spikes."""
+    times = _filter_steps(grey, numbers)
+    return times, raced(times, numbers)

@@ -101,6 +101,7 @@ class LibrarySynapses(AbstractSubProcessModel):
     """Synapses of Lava's library in the place of this project's; those of a model are what `made` makes."""
 
     floating: bool
+    shared: tuple[str, ...] = ("a_buff", "weights")
     constant: tuple[str, ...] = ()
 
     def __init__(self, proc: Any) -> None:
@@ -109,8 +110,7 @@ class LibrarySynapses(AbstractSubProcessModel):
         self.synapses = self.made(proc)
         proc.s_in.connect(self.synapses.s_in)
         self.synapses.a_out.connect(proc.a_out)
-        shared = ("a_buff",) if self.constant else ("a_buff", "weights")
-        stand_for(proc, self.synapses, *shared, constant=self.constant)
+        stand_for(proc, self.synapses, *self.shared, constant=self.constant)
 
     @abstractmethod
     def made(self, proc: Any) -> Dense | Sparse:

@@ -240,7 +240,7 @@ class OneToOne(CheckedProcess):
 
 
 class _LibraryDiagonal(LibrarySynapses):
-    constant = ("weight",)
+    shared, constant = ("a_buff",), ("weight",)
 
     def made(self, proc: OneToOne) -> Dense | Sparse:
         """The library's Process with the weight of ``proc`` for each neuron."""

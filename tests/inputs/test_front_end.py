@@ -40,14 +40,16 @@ def images(seed: int, spec: FrontEnd) -> NDArray[np.uint8]:
 def test_the_kernel_spikes_as_the_populations_do(width: int, seed: int, **numbers: int) -> None:
     spec = FrontEnd(width, **numbers)
     shown = images(seed, spec)
-    films = literal.spikes(spec, shown)
-    assert (films[literal.CLOCK] == 1).all()
-    assert (films[literal.PIXELS] == 1).all()
-    assert films[literal.CELLS].max() <= spec.most
+    films, own = literal.trains(spec, shown), spec.trains(shown)
+    assert (films["clock"].sum(axis=1) == 1).all()
+    assert (films["pixels"].sum(axis=1) == 1).all()
+    assert films["cells"].sum(axis=1).max() <= spec.most
+    for name, film in films.items():
+        assert np.array_equal(film, own[name]), name
     for number, image in enumerate(shown):
         counts, spikes = spec.spikes(image)
-        assert np.array_equal(counts.ravel(), films[literal.CELLS][number])
-        assert spikes.tolist() == [film[number].sum() for film in films[1:]]
+        assert np.array_equal(counts.ravel(), films["cells"][number].sum(axis=0))
+        assert spikes.tolist() == [film[number].sum() for film in films.values()][1:]
 
 
 def test_what_a_presentation_takes_is_within_what_was_asked() -> None:

@@ -56,7 +56,9 @@ FOR_A_BOARD = {
     "ExcitatoryLIF, never reset": ("SubExcitatoryLIFFixed", {"LIF"}),
     "InhibitoryLIF": ("SubInhibitoryLIFFixed", {"LIFReset"}),
     "OneToOne": ("SubOneToOneFixed", {"Sparse"}),
+    "SparseSynapses": ("SubSparseSynapsesFixed", {"Sparse"}),
     "PlasticDense": ("SubPlasticDenseFixed", {"LearningDense"}),
+    "FrontEndNetwork": ("SubFrontEndNetwork", {"LIFReset", "Sparse"}),
     "PlaceNetwork": ("SubPlaceNetwork", {"Dense", "LIFReset"}),
     "PlaceNetwork, leaves and relays": ("SubPlaceNetwork", {"Dense", "LIFReset", "Sparse"}),
     "LearningPlaceNetwork": ("SubLearningPlaceNetwork", {"Dense", "LearningDense", "LIFReset", "Sparse"}),
@@ -143,7 +145,7 @@ def test_a_decay_that_the_chip_cannot_hold_is_refused_there() -> None:
 
 
 def test_a_run_in_simulation_selects_by_tag_and_kind() -> None:
-    leaves = [name for name in MADE if not name.startswith(("Place", "Learning", "Fused"))]
+    leaves = [name for name in MADE if not name.startswith(("Place", "Learning", "Fused", "FrontEnd"))]
     found = run_isolated(f"{TARGETS}:selected_in_simulation", {}, {"names": leaves}, timeout=120)["rows"]
     assert len(found) == 4 * len(leaves)
     for name, tag, sub, model, tags in found:
@@ -180,7 +182,15 @@ def test_learning_in_the_librarys_floating_point_is_refused() -> None:
 
 def test_sub_process_models_come_first() -> None:
     """Lava 0.10 confuses positions among them with positions among all models."""
-    for name in ("BiasInputs", "DenseSynapses", "ExcitatoryLIF", "InhibitoryLIF", "OneToOne", "PlasticDense"):
+    for name in (
+        "BiasInputs",
+        "DenseSynapses",
+        "ExcitatoryLIF",
+        "InhibitoryLIF",
+        "OneToOne",
+        "PlasticDense",
+        "SparseSynapses",
+    ):
         process = getattr(processes, name)
         kinds = [
             issubclass(model, AbstractSubProcessModel)

@@ -12,19 +12,23 @@ import numpy as np
 from lava.magma.compiler.compiler_graphs import ProcGroupDiGraphs
 from lava.proc.io.source import RingBuffer
 from numpy.typing import NDArray
+from scipy.sparse import identity
 from support.lava.small_networks import SMALL_LIMITS, limits, random_network
 
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.learning.integer import IntegerLearning, WeightRule
 from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.processes.base.magma import AbstractProcess, Loihi2HwCfg, Loihi2SimCfg, RunSteps
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.encoders.process import BiasInputs, PoissonEncoder, RegularEncoder
+from lava_vpr.processes.front_end.process import FrontEndNetwork
 from lava_vpr.processes.jobs import inference as jobs
 from lava_vpr.processes.lif.process import ExcitatoryLIF, InhibitoryLIF
 from lava_vpr.processes.networks.process import FusedPlaceNetwork, LearningPlaceNetwork, PlaceNetwork
 from lava_vpr.processes.plastic_dense.process import PlasticDense
+from lava_vpr.processes.sparse_synapses.process import SparseSynapses
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 from lava_vpr.processes.synapses.process import DenseSynapses, OneToOne
 
@@ -54,10 +58,12 @@ MADE: dict[str, Callable[[], AbstractProcess]] = {
     "ExcitatoryLIF, never reset": lambda: ExcitatoryLIF(shape=(3,), dv=137, vth=80),
     "InhibitoryLIF": lambda: InhibitoryLIF(shape=(3,), reset_interval=16),
     "OneToOne": lambda: OneToOne(shape=(3,), weight=2),
+    "SparseSynapses": lambda: SparseSynapses(weights=identity(3, int, "csr")),
     "PlasticDense": lambda: PlasticDense(weights=np.ones((3, 5), int), rule=RULE, rng_seed=1),
     "PlaceNetwork": lambda: PlaceNetwork(network=random_network(3, signed=True)),
     "PlaceNetwork, leaves and relays": lambda: PlaceNetwork(network=random_network(3, signed=True, regular=True)),
     "LearningPlaceNetwork": _learning,
+    "FrontEndNetwork": lambda: FrontEndNetwork(spec=FrontEnd(8), grey=np.zeros((1, 4, 8), np.uint8)),
     "PoissonEncoder": lambda: PoissonEncoder(**PRESENTED),
     "RegularEncoder": lambda: RegularEncoder(**PRESENTED),
     "SpikeCounter": lambda: SpikeCounter(shape=(3,), presentations=2, interval=16),

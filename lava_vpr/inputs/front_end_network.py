@@ -1,0 +1,167 @@
+"""The spiking front end as a network: its populations, and every synapse between them.
+
+What Lava's Processes are made of, and what the general simulator runs beside the kernel
+(`lava_vpr.inputs.front_end_kernels`); a query needs none of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, identity
+
+from lava_vpr.inputs.front_end import COLUMNS, FrontEnd
+from lava_vpr.loihi import INPUT_SHIFT, NO_MEMORY_DECAY, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
+
+BIAS_EXPONENT = INPUT_SHIFT
+"""Exponent of the biases of pixels, whose mantissas are their grey levels."""
+ONCE = ("clock", "pixels", "filters", "pairs", "onsets", "pools")
+"""Populations whose neurons silence themselves by their first spike."""
+
+Pairs = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
+"""Targets, sources and weights of synapses, each of one shape."""
+
+
+class NeuronGroup(NamedTuple):
+    """A population, whose neurons rest at the start of a presentation.
+
+    Attributes:
+        size: Number of neurons.
+        threshold: Threshold of all.
+        bias: Bias mantissas in units of v, (size,); None: none, or those of an image (`BIAS_EXPONENT`).
+        du, dv: Decays as `lava_vpr.engine.general.lif.LifParameters` has them.
+    """
+
+    size: int
+    threshold: int
+    bias: NDArray[np.int32] | None = None
+    du: int = NO_MEMORY_DECAY
+    dv: int = 0
+
+
+class Projection(NamedTuple):
+    """Synapses of one sign and one exponent between two populations.
+
+    Attributes:
+        source, target: Names of the populations.
+        weights: Of 8 bits, int32 (post, pre).
+        exponent: A weight counts 2^exponent.
+    """
+
+    source: str
+    target: str
+    weights: csr_matrix
+    exponent: int
+
+
+def populations(spec: FrontEnd) -> dict[str, NeuronGroup]:
+    """The populations by name, in the order of `FrontEnd.populations`."""
+    sizes = spec.populations
+    first = np.zeros(sizes["clock"], np.int32)
+    first[0] = 1
+    numbers: dict[str, tuple[int, NDArray[np.int32] | None, int, int]] = {
+        "clock": (0, first, NO_MEMORY_DECAY, 0),
+        "pixels": (spec.pixel_threshold, None, NO_MEMORY_DECAY, 0),
+        "filters": (spec.filter_threshold, None, 0, 0),
+        "pairs": (1, None, NO_MEMORY_DECAY, 0),
+        "onsets": (0, None, NO_MEMORY_DECAY, 0),
+        "cells": (spec.cell_weight // 2, None, 0, NO_MEMORY_DECAY),
+        "pools": (int(spec.budgets.max()) - 1, None, NO_MEMORY_DECAY, 0),
+    }
+    return {name: NeuronGroup(sizes[name], *values) for name, values in numbers.items()}
+
+
+def synapses(spec: FrontEnd) -> Iterator[Projection]:
+    """Every synapse, by source and target; those of weights beyond 8 bits, and of both signs, in parts."""
+    for (source, target), weights in _weights(spec).items():
+        for part, exponent in _parts(weights):
+            yield Projection(source, target, part, exponent)
+
+
+def _parts(weights: csr_matrix) -> Iterator[tuple[csr_matrix, int]]:
+    """``weights`` as parts of 8 bits with their exponents, of each sign, which add up to it."""
+    for sign in (1, -1):
+        size = weights.multiply(sign).maximum(0).astype(np.int32)
+        low = size.copy()
+        if size.nnz and size.data.max() > WEIGHT_LIMIT:
+            low.data &= (1 << WEIGHT_EXPONENT_LIMIT) - 1
+            size.data >>= WEIGHT_EXPONENT_LIMIT
+        else:
+            size.data[:] = 0
+        for part, exponent in ((low, 0), (size, WEIGHT_EXPONENT_LIMIT)):
+            part.eliminate_zeros()
+            if part.nnz:
+                yield csr_matrix(part.multiply(sign), dtype=np.int32), exponent
+
+
+def _weights(spec: FrontEnd) -> dict[tuple[str, str], csr_matrix]:
+    """Weights (post, pre) by source and target, of any size."""
+    sizes = spec.populations
+    ends, cells = np.array([spec.end - 1]), np.arange(sizes["cells"])
+    race = np.arange(spec.levels - 1, spec.levels + spec.race)
+    within, at = _around(spec)
+    pools = np.arange(sizes["pools"])
+    made: dict[tuple[str, str], Pairs] = {
+        ("clock", "clock"): (np.arange(1, sizes["clock"]), np.arange(sizes["clock"] - 1), np.array([1])),
+        ("clock", "pixels"): _ticks(sizes["pixels"], np.arange(spec.levels - 1), spec.pixel_clock),
+        ("clock", "filters"): _ticks(sizes["filters"], race, spec.filter_clock),
+        ("clock", "cells"): _ticks(sizes["cells"], ends, np.array([-spec.silencing])),
+        ("clock", "pools"): (pools, np.array([0]), spec.budgets.max() - spec.budgets.ravel()),
+        ("pixels", "filters"): _seen(spec),
+        ("filters", "pairs"): _both(spec),
+        ("pairs", "onsets"): _of_a_cell(spec),
+        ("onsets", "cells"): (cells, cells, np.array([spec.onset_weight])),
+        ("cells", "cells"): (cells, cells, np.array([-spec.cell_weight])),
+        ("cells", "pools"): (at, within, np.array([1])),
+        ("pools", "cells"): (cells, cells % len(pools), np.array([-spec.silencing])),
+    }
+    found = {}
+    for (source, target), (to, of, weights) in made.items():
+        to, of, weights = (each.ravel() for each in np.broadcast_arrays(to, of, weights))
+        found[source, target] = csr_matrix((weights, (to, of)), (sizes[target], sizes[source]))
+    for name in ONCE:
+        own = found.get((name, name), 0)
+        found[name, name] = csr_matrix(own - spec.own_silencing * identity(sizes[name], np.int64, "csr"))
+    return found
+
+
+def _ticks(targets: int, ticks: NDArray[np.int64], weights: NDArray[np.int64]) -> Pairs:
+    """From the clock's neurons ``ticks`` to every neuron of a population."""
+    return np.arange(targets)[:, None], ticks, weights
+
+
+def _seen(spec: FrontEnd) -> Pairs:
+    """From pixels to the filters around; a pixel beyond the edge is the one at the edge."""
+    sites, (directions, tall, wide) = spec.width // COLUMNS, spec.filters.shape
+    y, x, k, row, column = np.ogrid[: spec.height, :sites, :directions, :tall, :wide]
+    from_y = np.clip(y + row - tall // 2, 0, spec.height - 1)
+    from_x = np.clip(COLUMNS * x + column - wide // 2, 0, spec.width - 1)
+    return (y * sites + x) * directions + k, from_y * spec.width + from_x, spec.filters[k, row, column]
+
+
+def _both(spec: FrontEnd) -> Pairs:
+    """From the two filters of a pair."""
+    neurons, k = np.arange(spec.populations["pairs"])[:, None], np.arange(spec.directions)
+    k = np.tile(k, len(neurons) // spec.directions)[:, None]
+    others = (k + np.array([-spec.apart, spec.apart])) % spec.directions
+    return neurons, neurons - k + others, np.array([1])
+
+
+def _of_a_cell(spec: FrontEnd) -> Pairs:
+    """From all pairs of a cell and a channel, of both signs of contrast."""
+    sites = spec.width // COLUMNS
+    y, x, k = np.ogrid[: spec.height, :sites, : spec.directions]
+    cell = y // (spec.height // spec.grid) * spec.grid + x // (sites // spec.grid)
+    return k % spec.orientations * spec.grid**2 + cell, (y * sites + x) * spec.directions + k, np.array([1])
+
+
+def _around(spec: FrontEnd) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Cells and the pools that listen to them, (synapses,) each."""
+    places = np.arange(spec.grid)
+    near = np.abs(places[:, None] - places) <= spec.reach
+    of, to = np.nonzero(np.kron(near, near))
+    channels = np.arange(spec.orientations)[:, None] * spec.grid**2
+    return (channels + of).ravel(), np.tile(to, spec.orientations)

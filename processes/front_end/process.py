@@ -1,0 +1,95 @@
+"""The spiking front end, from pixels to the spikes of its cells."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.engine.general.lif import need
+from lava_vpr.inputs.front_end import FrontEnd
+from lava_vpr.inputs.front_end_network import BIAS_EXPONENT, NeuronGroup, populations, synapses
+from lava_vpr.processes.base.magma import (
+    AbstractSubProcessModel,
+    CheckedProcess,
+    LoihiProtocol,
+    OutPort,
+    Var,
+    implements,
+)
+from lava_vpr.processes.base.neurons import BiasTable
+from lava_vpr.processes.lif.process import ExcitatoryLIF
+from lava_vpr.processes.sparse_synapses.process import SparseSynapses
+
+
+class FrontEndNetwork(CheckedProcess):
+    """`FrontEnd` composed of an ExcitatoryLIF for each population, with SparseSynapses between them.
+
+    Presents one image after another, each for ``spec.steps`` steps. A run that prefers SubProcessModels puts Lava's
+    LIFReset and Sparse in their place, and nothing else: what a board can run. It takes one image; `write` brings the
+    others between runs.
+
+    Ports: spikes of each population, by its name: ``clock``, ``pixels``, ``filters``, ``pairs``, ``onsets``, ``cells``,
+    ``pools``. Var: ``bias_mant`` (pixels,), the grey levels of the image that is presented.
+    """
+
+    def __init__(self, *, spec: FrontEnd, grey: NDArray[np.uint8], **kwargs: Any) -> None:
+        """Make the network that is shown images.
+
+        Args:
+            spec: The front end.
+            grey: What its pixels take of each image (`FrontEnd.seen`), uint8 (n, height, width), n at least 1.
+        Raises:
+            NetworkLimitError: images of another type or shape.
+        """
+        shape = (spec.height, spec.width)
+        fits = grey.dtype == np.uint8 and grey.ndim == 3 and grey.shape[1:] == shape and len(grey) > 0
+        need(fits, "FrontEndNetwork: images", f"{grey.dtype} {grey.shape}", f"uint8 (n, {shape[0]}, {shape[1]})")
+        super().__init__(spec=spec, grey=grey, **kwargs)
+        self.spec, self.grey = spec, grey.reshape(len(grey), -1).astype(np.int32)
+        clock, pixels, filters, pairs, onsets, cells, pools = ((size,) for size in spec.populations.values())
+        self.clock, self.pixels = OutPort(clock), OutPort(pixels)
+        self.filters, self.pairs = OutPort(filters), OutPort(pairs)
+        self.onsets, self.cells, self.pools = OutPort(onsets), OutPort(cells), OutPort(pools)
+        self.bias_mant = Var(shape=(self.grey.shape[1],))
+
+    def write(self, grey: NDArray[np.uint8], floating: bool = False) -> None:
+        """Set what the pixels take of an image while the run is paused, from the next step on.
+
+        Args:
+            grey: uint8 (height, width).
+            floating: The run is of Lava's own floating-point models, whose biases are in the threshold's unit.
+        """
+        levels = grey.reshape(-1).astype(np.int32)
+        self.bias_mant.set(levels.astype(float) if floating else levels)
+
+
+@implements(proc=FrontEndNetwork, protocol=LoihiProtocol)
+class SubFrontEndNetwork(AbstractSubProcessModel):
+    """The populations and synapses of the spec. Every arrow takes one step."""
+
+    def __init__(self, proc: FrontEndNetwork) -> None:
+        def made(name: str, one: NeuronGroup) -> ExcitatoryLIF:
+            shown = BiasTable(proc.grey, np.full(len(proc.grey), BIAS_EXPONENT, np.int32)) if name == "pixels" else None
+            return ExcitatoryLIF(
+                shape=(one.size,),
+                du=one.du,
+                dv=one.dv,
+                vth=one.threshold,
+                bias_mant=0 if one.bias is None else one.bias,
+                reset_interval=proc.spec.steps,
+                bias_table=shown,
+            )
+
+        neurons = {name: made(name, one) for name, one in populations(proc.spec).items()}
+        parts: dict[str, ExcitatoryLIF | SparseSynapses] = {**neurons}
+        for number, one in enumerate(synapses(proc.spec)):
+            between = SparseSynapses(weights=one.weights, weight_exp=one.exponent)
+            neurons[one.source].s_out.connect(between.s_in)
+            between.a_out.connect(neurons[one.target].a_in)
+            parts[f"synapses_{number}"] = between
+        for name, population in neurons.items():
+            population.s_out.connect(getattr(proc, name))
+        proc.bias_mant.alias(neurons["pixels"].bias_mant)
+        self.__dict__.update(parts)  # where Lava looks for them

@@ -1,0 +1,52 @@
+"""The spiking front end in Lava as functions of arrays and options, to be called in a process of their own.
+
+Each takes ``arrays``: ``grey`` uint8 (n, height, width); and ``options``: ``spec``, the settings of `FrontEnd` by name,
+and ``tag``. Each returns every spike of each population by its name, uint8 (n, steps, neurons).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lava_vpr.inputs.front_end import FrontEnd
+from lava_vpr.isolated.worker import report
+from lava_vpr.processes.base.magma import FIXED_TAG, RunSteps
+from lava_vpr.processes.base.shared_memory import shared_array
+from lava_vpr.processes.front_end.process import FrontEndNetwork
+from lava_vpr.processes.jobs.inference import Arrays, Way, begin
+from lava_vpr.processes.spike_counter.process import SpikeCounter
+
+
+def _shown(arrays: Arrays, options: dict[str, Any], library: bool) -> Arrays:
+    """The front end and a counter of each population; with Lava's library an image is written before each run."""
+    numbers: dict[str, Any] = {name: tuple(x) if isinstance(x, list) else x for name, x in options["spec"].items()}
+    spec = FrontEnd(**numbers)
+    grey, way = np.ascontiguousarray(arrays["grey"], np.uint8), Way(str(options.get("tag", FIXED_TAG)), library)
+    n, steps = len(grey), spec.steps
+    films = {name: shared_array((n, steps, size), np.uint8) for name, size in spec.populations.items()}
+    if not n:
+        return films
+    network = FrontEndNetwork(spec=spec, grey=grey[:1] if library else grey)
+    for name, film in films.items():
+        counter = SpikeCounter(shape=film.shape[2:], presentations=n, interval=steps, raster=film)
+        getattr(network, name).connect(counter.s_in)
+    config = begin(network, way)
+    for number in range(n):
+        if library and number:
+            network.write(grey[number], way.floating)
+        network.run(condition=RunSteps(num_steps=steps), run_cfg=config)
+        report(1)
+    network.stop()
+    return films
+
+
+def composed(arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """The front end composed of this project's Processes."""
+    return _shown(arrays, options, library=False)
+
+
+def library(arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """The same with Lava's library in their place."""
+    return _shown(arrays, options, library=True)

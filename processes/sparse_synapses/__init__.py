@@ -1,0 +1,3 @@
+"""Synapses of which most pairs of neurons have none."""
+
+PROCESSES = ("SparseSynapses",)

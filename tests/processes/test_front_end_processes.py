@@ -1,0 +1,112 @@
+"""The spiking front end as Lava Processes: every spike of every population is the host's."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+from lava.proc.sparse.models import PySparseModelBitAcc
+from lava.proc.sparse.process import Sparse
+from lava.utils.weightutils import SignMode
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from support.lava.model_harness import build, drive
+
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.inputs.front_end import FRONT_END, FrontEnd
+from lava_vpr.isolated.runner import run_isolated
+from lava_vpr.processes.front_end.process import FrontEndNetwork
+from lava_vpr.processes.sparse_synapses.process import (
+    PySparseSynapsesFixed,
+    PySparseSynapsesFloat,
+    SparseSynapses,
+)
+from lava_vpr.synthetic.world import World, render
+
+pytestmark = pytest.mark.lava
+TINY = FrontEnd(8, budget=12)
+
+
+def grey(spec: FrontEnd, images: int) -> NDArray[np.uint8]:
+    """What pixels take of places of the built-in world, uint8 (images, height, width)."""
+    return np.array([spec.seen(render(World(0), place, "summer")) for place in range(images)])
+
+
+def in_lava(job: str, spec: FrontEnd, shown: NDArray[np.uint8], tag: str = "fixed_pt") -> dict[str, NDArray[np.uint8]]:
+    """Every spike of each population."""
+    target, options = f"lava_vpr.processes.jobs.front_end:{job}", {"spec": asdict(spec), "tag": tag}
+    return run_isolated(target, {"grey": shown}, options, timeout=500)
+
+
+def differing(job: str, spec: FrontEnd, images: int, tag: str = "fixed_pt") -> dict[str, int]:
+    """How many spikes of each population differ from the host's, of which every population has some."""
+    shown = grey(spec, images)
+    own, found = spec.trains(shown), in_lava(job, spec, shown, tag)
+    assert all(film.any(axis=(1, 2)).all() for film in own.values())
+    return {name: int((film != found[name]).sum()) for name, film in own.items()}
+
+
+@pytest.mark.parametrize(
+    ("job", "images"), [("composed", 2), *(pytest.param(*case, marks=pytest.mark.slow) for case in (("library", 3),))]
+)
+def test_a_small_front_end_spikes_as_on_the_host(job: str, images: int) -> None:
+    assert set(differing(job, TINY, images).values()) == {0}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("job", ["composed", "library"])
+def test_the_front_end_spikes_as_on_the_host(job: str) -> None:
+    assert set(differing(job, FRONT_END, 2).values()) == {0}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("job", ["composed", "library"])
+def test_in_floating_point_few_spikes_differ(job: str) -> None:
+    found = differing(job, TINY, 2, "floating_pt")
+    assert found["clock"] == found["pixels"] == 0
+    assert sum(found.values()) <= 10
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("exponent", [0, 7])
+def test_sparse_synapses_are_lavas(sign: int, exponent: int) -> None:
+    rng = np.random.default_rng(exponent)
+    weights = csr_matrix(sign * rng.integers(0, 256, (9, 6)) * (rng.random((9, 6)) < 0.3))
+    spikes = rng.random((12, 6)) < 0.3
+    mode = SignMode.EXCITATORY if sign > 0 else SignMode.INHIBITORY
+    lava = build(Sparse(weights=weights, weight_exp=exponent, sign_mode=mode), PySparseModelBitAcc)
+    expected = drive(lava, spikes, "s_in", "a_out")
+    assert expected.any()
+    for kind in (PySparseSynapsesFixed, PySparseSynapsesFloat):
+        ours = build(SparseSynapses(weights=weights, weight_exp=exponent), kind)
+        assert np.array_equal(drive(ours, spikes, "s_in", "a_out"), expected)
+
+
+@pytest.mark.parametrize(
+    ("weights", "exponent", "words"),
+    [
+        (csr_matrix([[256]]), 0, "SparseSynapses: excitatory weight is 256, but must be a whole number in 0..255"),
+        (csr_matrix([[-256]]), 0, "SparseSynapses: inhibitory weight is -256, but must be a whole number in -255..0"),
+        (csr_matrix([[1, -1]]), 0, "SparseSynapses: signs is of both kinds, but must be one: make two Processes"),
+        (csr_matrix([[np.inf]]), 0, "SparseSynapses: a weight is inf, but must be finite"),
+        (csr_matrix([[1]]), -1, "weight_exp is -1, but must be in 0..7"),
+        (np.eye(2, dtype=int), 0, "SparseSynapses: weights must be a sparse matrix of numbers"),
+    ],
+)
+def test_synapses_that_cannot_be_are_refused(weights: csr_matrix, exponent: int, words: str) -> None:
+    with pytest.raises(NetworkLimitError) as caught:
+        SparseSynapses(weights=weights, weight_exp=exponent)
+    assert words in str(caught.value)
+
+
+def test_fractions_are_for_the_float_model_only() -> None:
+    synapses = SparseSynapses(weights=csr_matrix([[0.5]]))
+    synapses._model_class = PySparseSynapsesFloat  # what Lava's compiler does when it has picked a model
+    with pytest.raises(NetworkLimitError, match=r"weight is 0\.5"):
+        synapses._model_class = PySparseSynapsesFixed
+
+
+def test_images_of_another_shape_are_refused() -> None:
+    with pytest.raises(NetworkLimitError, match=r"images is uint8 \(1, 8, 8\), but must be uint8 \(n, 4, 8\)"):
+        FrontEndNetwork(spec=TINY, grey=np.zeros((1, 8, 8), np.uint8))
