@@ -309,17 +309,31 @@ def _every_matcher(
         yield Scored("descriptors", "descriptors", InBlocks.made(descriptors))
 
 
-def as_json(model: Model, result: Recognition, errors: PositionErrors | None = None) -> dict[str, Any]:
-    """The figures in the layout that scripts rely on (``lava-vpr eval --json``); ``errors`` where they are known."""
+def _groups(result: Recognition) -> dict[str, dict[str, Metrics]]:
+    """The figures of every matcher, by the group in which `as_json` has them."""
     groups: dict[str, dict[str, Metrics]] = {
         "decoders": {name: metrics for name, metrics in result.metrics.items() if name in DECODERS},
         "baselines": {name: metrics for name, metrics in result.metrics.items() if name not in DECODERS},
         "adapted": result.adapted,
         "followed": result.followed,
     }
-    if result.learned:
-        groups["learned"] = result.learned
-    figures = {group: {name: one.as_json() for name, one in found.items()} for group, found in groups.items()}
+    return groups | {"learned": result.learned} if result.learned else groups
+
+
+def _of_groups(groups: dict[str, dict[str, Metrics]]) -> dict[str, dict[str, Any]]:
+    """The figures of every matcher of `_groups` as JSON has them."""
+    return {group: {name: one.as_json() for name, one in found.items()} for group, found in groups.items()}
+
+
+def seeds_as_json(seeds: Sequence[int], results: Sequence[Recognition]) -> list[dict[str, Any]]:
+    """What ``lava-vpr eval --seeds --json`` has of each seed of the queries' noise: `as_json`'s figures of matchers."""
+    return [{"seed": seed, **_of_groups(_groups(one))} for seed, one in zip(seeds, results, strict=True)]
+
+
+def as_json(model: Model, result: Recognition, errors: PositionErrors | None = None) -> dict[str, Any]:
+    """The figures in the layout that scripts rely on (``lava-vpr eval --json``); ``errors`` where they are known."""
+    groups = _groups(result)
+    figures = _of_groups(groups)
     taught = {name: {"answers": many, "wrong": wrong} for name, (many, wrong) in result.taught.items()}
     return {
         "places": model.places,

@@ -43,7 +43,9 @@ EVAL_KEYS = """```
  "followed": {{"filtered": M, "forward_backward": M}},
  "probability": {{"single": P, "filtered": P}},
  "curves": {{"decoders": {{NAME: C}}, "baselines": {{NAME: C}}, "adapted": {{NAME: C}}, "learned": {{NAME: C}},
-            "followed": {{NAME: C}}}}}}
+            "followed": {{NAME: C}}}},
+ "seeds": [{{"seed": n, "decoders": {{NAME: M}}, "baselines": {{"template": M}}, "adapted": {{NAME: M}},
+            "followed": {{NAME: M}}, "learned": {{NAME: M}}}}, ...]}}
 
 M = {{"recall_at_1": x, "recall_at_n": {{"5": x, "10": x}}, "recall_at_100_precision": x,
      "precision_at_100_recall": x, "auc": x}}

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain, repeat
 from pathlib import Path
 
 import click
@@ -39,7 +40,7 @@ from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.matching.evaluation import leaps
 from lava_vpr.matching.forward_filter import FASTEST, NONE
 from lava_vpr.model import Model
-from lava_vpr.recognition import Comparison, Recognition, as_json, recognise
+from lava_vpr.recognition import Comparison, Recognition, as_json, recognise, seeds_as_json
 from lava_vpr.show.table import Table
 from lava_vpr.traverse import Traverse
 from lava_vpr.truth.alignment import PositionErrors
@@ -70,6 +71,15 @@ from lava_vpr.truth.alignment import PositionErrors
 @asking_options
 @season_option
 @answer_options
+@click.option(
+    "--seeds",
+    type=click.IntRange(1, 1000),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="Ask with N seeds of the spikes' noise, from --seed on, and print means, least and most, too. "
+    "(lava-vpr study seeds: several models.)",
+)
 @motion_option("any")
 @off_map_option
 @cluster_option
@@ -86,6 +96,7 @@ def evaluate(
     learning: Learning,
     backend: str,
     seed: int | None,
+    seeds: int,
     address: str | None,
     results: WrittenFiles,
 ) -> None:
@@ -108,12 +119,17 @@ def evaluate(
     truth = truth.for_route(route)
     traverse, located, correct = truth.open(model, route, asked.places, outputs, skip_unreadable)
     compared = replace(compared, motion=_motion(ctx, compared, route, correct))
-    queries, result = _recognised(model, traverse, correct, compared, results.drawn, address, backend, seed)
+    first = model.config.seed if seed is None else seed
+    asked_with = range(first, first + seeds)
+    queries, found = _recognised(model, traverse, correct, compared, results.drawn, address, backend, asked_with)
+    result = found[0]
     learning.keep(model, result.used)
     errors = None if located is None else PositionErrors(located, located.errors(result.matches), truth.near)
     values = {**_named(asked, route), **as_json(model, result, errors)}
+    if seeds > 1:
+        values["seeds"] = seeds_as_json(asked_with, found)
     drawn = partial(_page, ctx, model, queries, result, errors)
-    results.show(_said(model, result, errors, compared), values, page, drawn)
+    results.show(_said(model, found, errors, compared), values, page, drawn)
 
 
 def _recognised(
@@ -124,18 +140,25 @@ def _recognised(
     drawn: bool,
     address: str | None,
     backend: str,
-    seed: int | None,
-) -> tuple[EncodedTraverse, Recognition]:
-    """The queries of ``traverse``, and what ``model`` makes of them; with what is ``drawn`` of both."""
+    seeds: Sequence[int],
+) -> tuple[EncodedTraverse, list[Recognition]]:
+    """The queries of ``traverse``, and what ``model`` makes of them with each seed; what is ``drawn`` is the first's.
+
+    Of further seeds, baselines that depend on no noise are left out.
+    """
     names = rivals_of(model, compared.rivals or None)
     kept = kept_for(names) | (Keep.THUMBNAILS if drawn else Keep.NOTHING)
     with pool_at(address) as pool:
         calibration = calibration_of(model, pool) if compared.sequence == compared.asking.views == 1 else None
         how = replace(compared, rivals=names, keep_scores=drawn, calibration=calibration)
         queries, *further = encode_queries(traverse, model, how.asking, kept)
-        with backend_progress(backend, len(queries)) as advance:
-            running = partial(recognise, pool=pool, advance=advance)
-            return queries, running(model, queries, correct, how, backend=backend, seed=seed, further=further)
+        again = replace(how, rivals=[name for name in names if name == "template"], keep_scores=False, descriptors=None)
+        with backend_progress(backend, len(seeds) * len(queries)) as advance:
+            running = partial(recognise, pool=pool, advance=advance, backend=backend, further=further)
+            ways = chain([how], repeat(again))
+            return queries, [
+                running(model, queries, correct, way, seed=seed) for way, seed in zip(ways, seeds, strict=False)
+            ]
 
 
 def _named(asked: Queries, route: Selection) -> dict[str, str]:
@@ -154,10 +177,11 @@ def _motion(ctx: click.Context, compared: Comparison, route: Selection, correct:
 
 
 def _said(
-    model: Model, result: Recognition, errors: PositionErrors | None, compared: Comparison
+    model: Model, found: Sequence[Recognition], errors: PositionErrors | None, compared: Comparison
 ) -> Iterator[Table | str]:
     """The tables, and what they do not say."""
-    yield recall_table(model, result, compared.sequence)
+    result, *again = found
+    yield recall_table(model, result, compared.sequence, again)
     if errors is not None:
         yield errors.in_words()
     yield from trust_tables(result)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import json
 import re
 import shutil
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -386,3 +388,27 @@ def test_the_drawings_as_files(here: Path) -> None:
     )
     run("eval", "m.lvpr", "query", "--figures", "alone")
     assert {path.name: path.read_bytes() for path in Path("alone").iterdir()} == drawn
+
+
+def test_seeds_are_asked_one_by_one_and_shown_as_mean_and_range(here: Path) -> None:
+    """Each seed's figures are those of --seed; what no noise changes stands as it is."""
+    encoder, network = "query_spikes = 2.0", "trains = 'poisson'\nsteps = 16\nthreshold = 0.2"
+    Path("n.toml").write_text(f"[encoder]\n{encoder}\n[network]\n{network}\n")
+    run("train", "reference", "--config", "n.toml", "--epochs", 1, "-o", "s.lvpr")
+
+    def figures_of(*words: object) -> dict[str, Any]:
+        run("eval", "s.lvpr", "query", *words, "--json", "s.json")
+        return dict(json.loads(Path("s.json").read_text()))
+
+    several = figures_of("--seed", 4, "--seeds", 3, "--table", "t.csv")
+    assert [one["seed"] for one in several["seeds"]] == [4, 5, 6]
+    alone = [figures_of("--seed", seed, "--baseline", "template") for seed in (4, 5, 6)]
+    for found, one in zip(several["seeds"], alone, strict=True):
+        assert [found[key] for key in ("decoders", "followed")] == [one[key] for key in ("decoders", "followed")]
+        assert found["baselines"]["template"] == one["baselines"]["template"]
+    assert several["decoders"] == alone[0]["decoders"]
+    rows = {row["matcher"]: row for row in csv.DictReader(Path("t.csv").read_text().splitlines())}
+    areas = [100 * one["decoders"]["weighted"]["auc"] for one in alone]
+    assert max(areas) > min(areas)
+    assert rows["weighted"]["AUC"] == f"{np.mean(areas):.1f} ({min(areas):.1f} to {max(areas):.1f})"
+    assert rows["cosine"]["AUC"] == f"{100 * several['baselines']['cosine']['auc']:.1f}"

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
 from lava_vpr.backends.rivals import BASELINES
-from lava_vpr.matching.evaluation import TITLES, values_of
+from lava_vpr.matching.evaluation import TITLES, Metrics, values_of
 from lava_vpr.model import Model
 from lava_vpr.recognition import SINGLE, Recognition
 from lava_vpr.show.numbers import percent
 from lava_vpr.show.table import Table
 
 
-def recall_table(model: Model, result: Recognition, sequence: int = 1) -> Table:
-    """The figures of every matcher in percent, the default decoder first and marked."""
+def recall_table(model: Model, result: Recognition, sequence: int = 1, again: Sequence[Recognition] = ()) -> Table:
+    """The figures of every matcher in percent, the default decoder first and marked.
+
+    With the same queries recognised ``again`` with further seeds: means, least and most, of what these have.
+    """
     what = "queries" if sequence == 1 else f"sequences of {sequence} queries"
     title = f"{len(result.matches)} {what}, {model.places} places, {model.neurons} neurons"
     notes = ["percent; * the decoder that answers"]
@@ -21,16 +26,36 @@ def recall_table(model: Model, result: Recognition, sequence: int = 1) -> Table:
     if result.followed:
         notes.append("filtered: queries in driving order, each with those before it; forward-backward: with all")
     notes += [_taught(name, *counted) for name, counted in result.taught.items() if counted[0]]
+    if again:
+        notes.append(f"{1 + len(again)} seeds of the queries' spikes: mean (least to most); all below is of the first")
+    groups = _groups(result)
+    several = [{name: one for group in groups for name, one in group.items()}]
+    several += [{name: one for group in _groups(further) for name, one in group.items()} for further in again]
+    rows = [(name, *_cells([one[name] for one in several if name in one])) for name in several[0]]
+    rules = frozenset({len(groups[0]), len(groups[0]) + len(groups[1])})
+    return Table(("matcher", *TITLES.values()), rows, notes, title, rules=rules)
+
+
+def _groups(result: Recognition) -> tuple[dict[str, Metrics], ...]:
+    """The rows of the table of recall by their titles, in the groups that rules part, the default decoder first."""
     names = [result.default, *(name for name in result.metrics if name != result.default)]
-    groups = (
+    return (
         {name + (" *" if name == result.default else ""): result.metrics[name] for name in names},
         {f"{name}, adapted": metrics for name, metrics in result.adapted.items()}
         | {f"{name}, gains": metrics for name, metrics in result.learned.items()},
         {name.replace("_", "-"): metrics for name, metrics in result.followed.items()},
     )
-    rows = [(name, *map(percent, values_of(metrics))) for group in groups for name, metrics in group.items()]
-    rules = frozenset({len(groups[0]), len(groups[0]) + len(groups[1])})
-    return Table(("matcher", *TITLES.values()), rows, notes, title, rules=rules)
+
+
+def _cells(metrics: Sequence[Metrics]) -> Iterator[str]:
+    """The figures of a matcher in percent, of one seed or of several."""
+    for values in zip(*map(values_of, metrics), strict=True):
+        known = [value for value in values if value is not None]
+        if len(known) < len(values):
+            yield percent(None)
+            continue
+        mean, least, most = map(percent, (sum(known) / len(known), min(known), max(known)))
+        yield mean if least == most else f"{mean} ({least} to {most})"
 
 
 def _taught(name: str, answers: int, wrong: int) -> str:
