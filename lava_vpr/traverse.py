@@ -21,11 +21,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError, UnreadableError, printable, shown
+from lava_vpr.images.exif import taken
 from lava_vpr.images.files import IMAGE_SUFFIXES
 from lava_vpr.images.imagefiles import read_image
 from lava_vpr.images.sampling import chosen
 from lava_vpr.inputs.windows import EventsConfig
-from lava_vpr.positions.frames import Positions, in_seconds, positions_of_names, stamp_of, stamps_of_names
+from lava_vpr.positions.frames import (
+    LAT_LON,
+    Positions,
+    in_photos,
+    in_seconds,
+    positions_of_names,
+    stamp_of,
+    stamps_of_names,
+)
 from lava_vpr.positions.track import MOST_GAP_S, PositionRequest, images_on, read_stamps, read_track
 from lava_vpr.readers import EVENTS, Found, found_vectors, open_source
 from lava_vpr.vectors.files import Vectors, VectorSource
@@ -211,8 +220,10 @@ _NAMED = 3
 """Images that are skipped and named; of more, their number."""
 
 
-def readable(traverses: Sequence[Traverse]) -> list[Traverse]:
+def readable(traverses: Sequence[Traverse], positions: Sequence[object] = ()) -> list[Traverse]:
     """``traverses`` in step, without the images that cannot be read in one of them, told in a line for each.
+
+    Photos that are to say themselves where they were taken (`located`), and do not, are left out, too.
 
     All that stay keep their absolute indices: a skipped image is counted wherever images are. Every image file is read
     for this, and once more by who takes it; other sources are taken as they are.
@@ -220,10 +231,12 @@ def readable(traverses: Sequence[Traverse]) -> list[Traverse]:
     Args:
         traverses: One traverse, or several. Where they have equally many images, those with the same number show the
             same place, and are skipped together.
+        positions: What `located` will be given for each, of the first traverses.
     Raises:
         InputError: none of the images can be read.
     """
-    found = [_unreadable(traverse) for traverse in traverses]
+    photos = [*map(in_photos, positions), *(False for _ in traverses)]
+    found = [_unreadable(traverse, asked) for traverse, asked in zip(traverses, photos, strict=False)]
     in_step = len({len(traverse) for traverse in traverses}) == 1
     skipped = set().union(*found) if in_step else set[int]()
     kept = []
@@ -231,7 +244,8 @@ def readable(traverses: Sequence[Traverse]) -> list[Traverse]:
         where, out = shown(traverse.source), own.keys() | skipped
         if own:
             some = ", ".join(f"{traverse.indices[k]} ({traverse.names[k]})" for k in [*own][:_NAMED])
-            said = f"{len(own)} of {len(traverse)} images cannot be read and are skipped: {some}"
+            without = ", or do not say where they were taken," if any(photos) else ""
+            said = f"{len(own)} of {len(traverse)} images cannot be read{without} and are skipped: {some}"
             more = f" and {len(own) - _NAMED} more" if len(own) > _NAMED else ""
             _NOTES.warning(f"{where}: {said}{more}; the first: {next(iter(own.values()))}")
         if len(out) > len(own):
@@ -242,12 +256,14 @@ def readable(traverses: Sequence[Traverse]) -> list[Traverse]:
     return kept
 
 
-def _unreadable(traverse: Traverse) -> dict[int, UnreadableError]:
-    """Why images cannot be read, by their numbers within ``traverse``."""
+def _unreadable(traverse: Traverse, photos: bool) -> dict[int, UnreadableError]:
+    """Why images cannot be read, by their numbers within ``traverse``; or, of ``photos``, are without a position."""
     found: dict[int, UnreadableError] = {}
     for number in range(len(traverse) if traverse.frames is None else 0):
         try:
             traverse.load(number)
+            if photos and taken(Path(traverse.paths[number])).where is None:
+                found[number] = UnreadableError(f"{shown(traverse.paths[number])}: has no position in its EXIF")
         except UnreadableError as error:
             found[number] = error
     return found
@@ -261,18 +277,48 @@ def located(
     Args:
         traverse: The images, as they were opened, or some of them.
         whole: Images in their whole sequence.
-        positions: CSV or GPX file with their positions (`lava_vpr.positions.track`); None: those that it has.
+        positions: CSV or GPX file with their positions (`lava_vpr.positions.track`); `EXIF`: each photo says where it
+            was taken, and when, unless ``stamps`` do; None: those that it has.
         stamps: CSV file whose row k is when the image with absolute index k was taken, or when a video begins, as
             `lava_vpr.positions.frames.stamp_of` reads it; None: the times that it has.
         gap: Most seconds between two positions between which an image is placed.
     Raises:
         InputError: a file cannot be used, or does not tell where or when each image was taken.
     """
+    if in_photos(positions):
+        traverse, positions = _by_photos(traverse), None
     times = traverse.stamps if stamps is None else _stamps(traverse, stamps)
     if positions is None:
         return replace(traverse, stamps=times)
     found, times = images_on(read_track(positions), PositionRequest(traverse.indices, whole, times), gap)
     return replace(traverse, stamps=times, positions=found)
+
+
+def _by_photos(traverse: Traverse) -> Traverse:
+    """``traverse`` with what its photos say of where and when they were taken.
+
+    Raises:
+        InputError: they are no image files.
+        UnreadableError: some do not say where, or cannot be read.
+    """
+    if traverse.frames is not None:
+        raise InputError(f"{shown(traverse.source)}: only image files have EXIF; give positions as a CSV or GPX file")
+    found = [taken(Path(path)) for path in traverse.paths]
+    lost = [k for k, photo in enumerate(found) if photo.where is None]
+    if lost:
+        first = f"the first is {traverse.names[lost[0]]}, image {traverse.indices[lost[0]]}"
+        raise UnreadableError(
+            f"{shown(traverse.source)}: {len(lost)} of {len(found)} photos do not say in their EXIF where they were "
+            f"taken ({first}); give positions as a CSV or GPX file"
+        )
+    positions = Positions(np.array([photo.where for photo in found], np.float64).reshape(-1, 2), LAT_LON)
+    known = [photo.when for photo in found if photo.when is not None]
+    if known and (len(known) < len(found) or len({photo.zoned for photo in found}) > 1):
+        what = "say when they were taken" if len(known) < len(found) else "say how far their clock is from UTC"
+        many = len(known) if len(known) < len(found) else sum(photo.zoned for photo in found)
+        _NOTES.warning(f"{shown(traverse.source)}: {many} of {len(found)} photos {what}; no times are taken from them")
+        known = []
+    return replace(traverse, positions=positions, stamps=np.array(known, np.float64) if known else traverse.stamps)
 
 
 def _stamps(traverse: Traverse, said: str) -> NDArray[np.float64]:

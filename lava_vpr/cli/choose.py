@@ -14,6 +14,7 @@ from lava_vpr.cli.outputs import Outputs
 from lava_vpr.datasets.selecting import Selection
 from lava_vpr.errors import InputError, shown
 from lava_vpr.model import Model
+from lava_vpr.positions.frames import EXIF, in_photos
 from lava_vpr.positions.track import MOST_GAP_S
 from lava_vpr.traverse import Traverse, located, open_traverse, ranges_of, readable
 from lava_vpr.truth.alignment import (
@@ -26,7 +27,10 @@ from lava_vpr.truth.alignment import (
     read_ground_truth,
 )
 
-_POSITIONS = "Positions, CSV or GPX: a row an image, or timed (default: from names @UTM_east@UTM_north@...)."
+_POSITIONS = (
+    "Positions, CSV or GPX: a row an image, or timed; or exif: each photo says where and when it was taken (default: "
+    "from names @UTM_east@UTM_north@...)."
+)
 _STAMPS = "When they were taken: CSV, a row an image; or when a video begins (default: from names and frames)."
 
 
@@ -35,7 +39,7 @@ class WhereOptions:
     """What the user says of where and when one traverse's images were taken.
 
     Attributes:
-        positions: CSV or GPX file with positions; None: those in the images' names, if they tell any.
+        positions: CSV or GPX file with positions, or `EXIF`; None: those in the images' names, if they tell any.
         stamps: CSV file with times, or when a video begins; None: those of names and frames.
         gap: Most seconds between two positions between which an image is placed.
     """
@@ -83,14 +87,14 @@ _EACH = " Once for each REFERENCE, in order."
 query_positions_options = noun(
     "where",
     lambda query_positions, stamps, gap: WhereOptions(query_positions, stamps, gap),
-    click.option("--query-positions", type=PATH, default=None, metavar="FILE", help=_POSITIONS),
+    click.option("--query-positions", type=PATH, default=None, metavar=f"FILE|{EXIF}", help=_POSITIONS),
     click.option("--stamps", default=None, metavar="FILE|TIME", help=_STAMPS),
     _GAP,
 )
 """The options ``--query-positions``, ``--stamps`` and ``--gap``, given to the command as ``where``."""
 
 reference_positions_options = several(
-    click.option("--positions", type=PATH, multiple=True, metavar="FILE", help=_POSITIONS + _EACH),
+    click.option("--positions", type=PATH, multiple=True, metavar=f"FILE|{EXIF}", help=_POSITIONS + _EACH),
     click.option("--stamps", multiple=True, metavar="FILE|TIME", help=_STAMPS + _EACH),
     _GAP,
 )
@@ -164,6 +168,10 @@ class TruthOptions:
                 by_files and (self.radius is None or self.gt is not None),
                 "--positions needs --radius M, and excludes --gt",
             ),
+            (
+                any(map(in_photos, self.positions or ())),
+                "--positions takes files here; train with --positions exif, and give --query-positions exif",
+            ),
             (by_files and told, "--positions tells of both traverses; leave out --query-positions"),
             (
                 self.radius is not None and self.gt is not None,
@@ -215,7 +223,7 @@ class TruthOptions:
         places = asked_places(route, model, places)
         whole = _opened(model, route.sources[0], route.every, outputs)
         chosen, told = self._chosen(model, whole, places)
-        (queries,) = readable([chosen]) if skip else (chosen,)
+        (queries,) = readable([chosen], [self.where.positions]) if skip else (chosen,)
         queries = self.where.of(queries, len(whole)) if told else queries
         located = self.located(model, queries)
         return queries, located, self.of(model, queries, located, chosen.indices)

@@ -78,7 +78,8 @@ def skip_option(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.option(
         "--skip-unreadable",
         is_flag=True,
-        help="Leave out image files that cannot be read, and say how many and which; the others keep their numbers.",
+        help="Leave out image files that cannot be read, or with exif say no position, and tell how many and which; "
+        "the others keep their numbers.",
     )(run)
 
 

@@ -149,7 +149,7 @@ def query(
     traverse = whole.between(*places) if places else whole
     if skip_unreadable:
         with stage(f"looking for images of {images} that cannot be read"):
-            (traverse,) = readable([traverse])
+            (traverse,) = readable([traverse], [where.positions])
     traverse = where.of(traverse, len(whole))
     _check_length(traverse, images, sequence)
     table = MatchTable.of(model, traverse, writing.top, chances=motion != NONE)

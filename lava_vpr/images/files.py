@@ -12,7 +12,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NoReturn
 
-from lava_vpr.errors import InputError, brief, shown
+from lava_vpr.errors import InputError, UnreadableError, brief, shown
+from lava_vpr.storage.reading import read_bytes
 from lava_vpr.storage.tables import csv_rows, text_lines
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
@@ -48,6 +49,18 @@ def refuse_file(path: Path, where: str = "", remedy: str = "") -> NoReturn:
     except OSError as error:
         cause = f"cannot be opened ({error.strerror})"
     raise InputError(f"{where}{shown(path)}: {cause}; correct or remove it{remedy}")
+
+
+def file_bytes(path: Path) -> bytes:
+    """The content of an image file.
+
+    Raises:
+        UnreadableError: it cannot be read, or is longer than allowed.
+    """
+    try:
+        return read_bytes(path, "image_bytes")
+    except OSError as error:
+        raise UnreadableError(f"{shown(path)}: cannot be read ({error.strerror}); check path and permissions") from None
 
 
 def folder_images(folder: Path) -> list[str]:

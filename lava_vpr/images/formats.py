@@ -17,6 +17,7 @@ import struct
 import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from lava_vpr.errors import InputError
 from lava_vpr.images.files import CONVERT
@@ -38,17 +39,23 @@ _ASKED = {_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _SAMPLES, _FORMAT, _STRIPS, _STR
 _ASKED |= {_TILE_WIDTH, _TILE_HEIGHT, _TILES, _TILE_BYTES, _COLOURS, _FILL_ORDER, _ROWS, _PLANES, _NEXT}
 
 
-def _entries(
-    file: Window, asked: Collection[int], types: Mapping[int, str] = _TYPES
-) -> Iterator[tuple[int, tuple[int, ...]]]:
-    """The entries of the first directory that are ``asked`` for, each once, and of these ``types``: tag and numbers.
+def entries(
+    file: Window, asked: Collection[int], types: Mapping[int, str] = _TYPES, at: int | None = None
+) -> Iterator[tuple[int, tuple[Any, ...]]]:
+    """The entries of a directory that are ``asked`` for, each once, and of these ``types``: tag and numbers, or text.
 
+    Args:
+        file: A TIFF, or an EXIF block.
+        asked: Tags.
+        types: How `struct` reads a value of each type.
+        at: Where the directory begins; None: the first.
     Raises:
         DamagedError: one of them is not there.
     """
     asked, order = set(asked), "<" if file.at(0, 2) == b"II" else ">"
     big = file.at(2, 2) in (b"+\0", b"\0+")
-    (position,) = file.numbers(order + ("Q" if big else "I"), 8 if big else 4)
+    (first,) = file.numbers(order + ("Q" if big else "I"), 8 if big else 4)
+    position = first if at is None else at
     (count,) = file.numbers(order + ("Q" if big else "H"), position)
     position, size, field = (position + 8, 20, 8) if big else (position + 2, 12, 4)
     for entry in range(position, position + count * size, size):
@@ -56,7 +63,8 @@ def _entries(
         if tag in asked and kind in types:
             asked.discard(tag)  # of equal ones the first
             within("image_parts", number)
-            layout, start = f"{order}{number}{types[kind]}", entry + size - field
+            letters, start = types[kind], entry + size - field
+            layout = order + (f"{number}{letters}" if len(letters) == 1 else letters * number)
             if struct.calcsize(layout) > field:
                 (start,) = file.numbers(order + ("Q" if big else "I"), start)
             yield tag, file.numbers(layout, start)
@@ -211,7 +219,7 @@ def _walk_tiff(data: bytes, file: Window) -> Header:
         DamagedError: part of the file is missing.
         InputError: its samples are no unsigned numbers of up to 16 bits.
     """
-    tags, zeros = dict(_entries(file, _ASKED)), 0
+    tags, zeros = dict(entries(file, _ASKED)), 0
     width, height = _first(tags, _WIDTH), _first(tags, _HEIGHT)
     bits, form, samples = max(tags.get(_BITS) or (1,)), _first(tags, _FORMAT, 1), _first(tags, _SAMPLES, 1)
     if form in _FORMATS and (bits > 16 or form > 1):
@@ -297,6 +305,6 @@ def orientation_of(exif: bytes) -> int:
     """The EXIF orientation 1..8; 1 (upright) where there is none or it makes no sense."""
     if exif[:4] in (b"II*\0", b"MM\0*"):
         with contextlib.suppress(DamagedError, InputError):
-            for _, numbers in _entries(Window(exif, "image_parts"), (_ORIENTATION,), _SHORT):
+            for _, numbers in entries(Window(exif, "image_parts"), (_ORIENTATION,), _SHORT):
                 return numbers[0] if len(numbers) == 1 and 1 <= numbers[0] <= 8 else 1
     return 1

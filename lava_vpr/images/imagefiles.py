@@ -28,10 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError, UnreadableError, shown
-from lava_vpr.images.files import IMAGE_SUFFIXES, is_unread, natural_key, note_unread
+from lava_vpr.images.files import IMAGE_SUFFIXES, file_bytes, is_unread, natural_key, note_unread
 from lava_vpr.images.formats import Header, orientation_of, walk
 from lava_vpr.images.windows import DamagedError
-from lava_vpr.storage.reading import read_bytes
 
 _lock = threading.Lock()
 # What libpng, libjpeg and ffmpeg print; anything else that was caught belongs to another thread and is passed on.
@@ -190,13 +189,10 @@ def read_image(path: Path) -> NDArray[np.uint8]:
     Raises:
         UnreadableError: it cannot be read, is no image, is damaged, or holds samples of neither 8 nor 16 bits.
     """
-    try:
+    with contextlib.suppress(OSError):  # it is missed when it is read
         _alone_if(os.path.isfile(path) and os.path.getsize(path) > SIDE_BYTES)
-        data = read_bytes(path, "image_bytes")
-    except OSError as error:
-        raise UnreadableError(f"{shown(path)}: cannot be read ({error.strerror}); check path and permissions") from None
     try:
-        return decode_image(data, shown(path))
+        return decode_image(file_bytes(path), shown(path))
     except InputError as error:
         raise UnreadableError(str(error)) from None
 

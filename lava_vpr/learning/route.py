@@ -98,8 +98,8 @@ def train(
         places: Images A..B-1 of each traverse.
         every: Seconds between two images of a video, bag or recording of events.
         dataset, section: The one reference is the folder of this benchmark dataset, and one of its sections, from 1.
-        positions: Where images were taken, of the first traverse or of each; an array is x and y in metres, float64
-            (images, 2), of the images in use.
+        positions: Where images were taken, of the first traverse or of each: a file; ``exif``, which photos say
+            themselves; or an array, x and y in metres, float64 (images, 2), of the images in use.
         skip_unreadable: Leave out image files that cannot be read, and note which; the others keep their absolute
             indices, and of traverses in step the same images are left out of all.
         stamps: CSV file with the times of the images, or when a video begins, of the first traverse or of each.
@@ -315,7 +315,7 @@ class Training:
         ranges = self.selection.sampled(whole, self.places)
         if self.skip_unreadable:
             with monitor.stage("looking for images that cannot be read"):
-                ranges = readable(ranges)
+                ranges = readable(ranges, each(self.positions))
         if "input" in self.settings:
             check_asked(ranges, self.start)
         config = settings_for(self.start, ranges)

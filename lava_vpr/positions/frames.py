@@ -210,6 +210,15 @@ def _in_zone(degrees: NDArray[np.float64], frame: str) -> NDArray[np.float64]:
     return np.stack([east, north_m], axis=1)
 
 
+EXIF = "exif"
+"""In place of a file with positions: each photo says where and when it was taken."""
+
+
+def in_photos(positions: object) -> bool:
+    """Whether what a user gives as ``positions`` says that photos tell them themselves."""
+    return str(positions) == EXIF
+
+
 ABSOLUTE = 1e9
 """Stamps from here on are seconds since 1970."""
 _MOST = 1e11

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import shutil
+from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from support.common.commands import fails, figures, matches, run
+from support.common.imagefiles import photo
 
 from lava_vpr.model import load
 
@@ -118,3 +124,104 @@ def test_images_in_the_formats_of_phones_are_named_with_the_remedy(place: Path) 
         found = fails(*words)
         assert cause in found
         assert "convert such images to JPEG (magick mogrify -format jpg *.heic" in found
+
+
+def asked(*words: object) -> list[dict[str, str]]:
+    """The lines of a query."""
+    return list(csv.DictReader(io.StringIO(run(*words, "-o", "-").stdout)))
+
+
+def photos(folder: str, files: list[Path], order: list[int], tags: dict[int, Any] | None = None) -> None:
+    """Photos of ``files`` in another order, 100 m and 10 s from one to the next of the old one."""
+    Path(folder).mkdir()
+    for number, k in enumerate(order):
+        minutes, seconds = divmod(10 * k, 60)
+        degrees = Fraction(round((63.4 + 0.0009 * k) * 10**6), 10**6)
+        receiver = {1: "N", 2: (degrees, 0, 0), 3: "E", 4: (10, 24, 0)}
+        camera = {36867: f"2024:05:01 12:{minutes:02d}:{seconds:02d}", 37521: "50", 36881: "+02:00"}
+        image = cv2.imread(str(files[k]))
+        assert image is not None
+        photo(Path(folder) / f"IMG_{number:04d}.jpg", np.asarray(image, np.uint8), receiver, {**camera, **(tags or {})})
+
+
+ORDER = [3, 0, 5, 1, 4, 2]
+
+
+def test_photos_say_where_and_when_they_were_taken(place: Path) -> None:
+    photos("album", sorted(Path("ref").iterdir()), ORDER)
+    run("train", "album", *TRAIN, "--positions", "exif")
+    model = load(Path("n.lvpr"))
+    assert (model.frame, model.places) == ("latlon", 6)
+    assert np.asarray(model.positions) == pytest.approx(np.array([(63.4 + 0.0009 * k, 10.4) for k in ORDER]), abs=1e-6)
+    rows = asked("query", "n.lvpr", "album", "--query-positions", "exif")
+    assert [float(row["time"]) for row in rows] == [1714557600.5 + 10 * k for k in ORDER]
+    assert all(0 <= float(row["error_m"]) < 501 for row in rows)
+    Path("n.lvpr").replace("m.lvpr")
+    assert figures("album", "--query-positions", "exif", "--radius", 1)["baselines"]["sad"]["recall_at_1"] == 1.0
+    said = fails("eval", "m.lvpr", "album", "--positions", "exif", "exif", "--radius", 1, code=2)
+    assert "give --query-positions exif" in said
+
+
+def test_photos_without_a_position_are_counted_and_none_is_taken_silently(place: Path) -> None:
+    photos("album", sorted(Path("ref").iterdir()), ORDER)
+    for number in (2, 4):
+        path = Path(f"album/IMG_{number:04d}.jpg")
+        image = cv2.imread(str(path))
+        assert image is not None
+        cv2.imwrite(str(path), image)  # OpenCV writes no EXIF
+    said = fails("train", "album", *TRAIN, "--positions", "exif")
+    lost = "album: 2 of 6 photos do not say in their EXIF where they were taken (the first is IMG_0002.jpg, image 2)"
+    assert said.startswith(lost)
+    assert said.endswith("give positions as a CSV or GPX file, or leave such images out with --skip-unreadable")
+    said = run("train", "album", *TRAIN, "--positions", "exif", SKIP).stderr
+    lost = "2 of 6 images cannot be read, or do not say where they were taken, and are skipped: 2 (IMG_0002.jpg), "
+    assert lost in said
+    assert load(Path("n.lvpr")).place_indices.tolist() == [0, 1, 3, 5]
+    run("extend", "n.lvpr", "album", "--positions", "exif", SKIP, "--allow-duplicates")
+    assert load(Path("n.lvpr")).places == 8
+    np.save("v.npy", np.random.default_rng(0).normal(size=(6, 20)))
+    said = fails("train", "v.npy", "-o", "v.lvpr", "--positions", "exif")
+    assert said == "v.npy: only image files have EXIF; give positions as a CSV or GPX file"
+
+
+@pytest.mark.parametrize(
+    ("tags", "said"),
+    [
+        ({36867: "unknown"}, "5 of 6 photos say when they were taken; no times are taken from them"),
+        ({36881: ""}, "5 of 6 photos say how far their clock is from UTC; no times are taken from them"),
+    ],
+)
+def test_times_that_cannot_be_compared_are_told_and_left(place: Path, tags: dict[int, str], said: str) -> None:
+    files = sorted(Path("ref").iterdir())
+    photos("album", files, ORDER)
+    photos("other", files, [0], tags)
+    Path("other/IMG_0000.jpg").replace("album/IMG_0001.jpg")
+    told = run("train", "album", *TRAIN, "--positions", "exif").stderr
+    assert f"note: album: {said}" in told
+    assert "time" not in asked("query", "n.lvpr", "album", "--query-positions", "exif")[0]
+
+
+@pytest.mark.slow
+def test_a_folder_of_a_phone_becomes_a_report_in_two_commands(
+    data_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """60 real photos out of order, two of them damaged and one HEIC; queries of another season, likewise."""
+    monkeypatch.chdir(tmp_path)
+    for seed, season in enumerate(("summer", "winter")):
+        files = sorted((data_root / "data" / "nordland" / season).iterdir())[:60]
+        photos(season, files, np.random.default_rng(seed).permutation(60).tolist())
+        for number in (7 + seed, 31):
+            path = Path(season) / f"IMG_{number:04d}.jpg"
+            path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+        Path(season, "IMG_0060.HEIC").write_bytes(HEIC)
+    said = run("train", "summer", "-o", "m.lvpr", "--positions", "exif", SKIP).stderr
+    assert "2 of 60 images cannot be read" in said
+    assert "holds 1 image in a format that cannot be read (first: IMG_0060.HEIC)" in said
+    said = run("query", "m.lvpr", "winter", "--query-positions", "exif", SKIP, "--report", "r").stdout
+    assert "58 images" in said
+    page = Path("r/query.html").read_text(encoding="utf-8")
+    assert "IMG_0059.jpg" in page
+    assert "IMG_0031.jpg" not in page
+    found = figures("winter", "--query-positions", "exif", "--radius", 25, SKIP)
+    assert found["queries"] == 58
+    assert found["decoders"]["contrast"]["recall_at_1"] > 0.8

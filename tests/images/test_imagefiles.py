@@ -275,7 +275,7 @@ def test_many_parts_of_an_image_are_refused(monkeypatch: pytest.MonkeyPatch) -> 
         lambda: decode_image(whole.replace(one, struct.pack("<HHII", 279, 4, 4, 12)), "a"), "has 4 parts, more than"
     )
     doubled = b"II*\0" + struct.pack("<IH", 8, 9) + 9 * struct.pack("<HHII", 273, 4, 3, 0)
-    assert [tag for tag, _ in formats._entries(Window(doubled, "image_parts"), {273})] == [273]
+    assert [tag for tag, _ in formats.entries(Window(doubled, "image_parts"), {273})] == [273]
 
 
 @pytest.mark.timeout(20)

@@ -98,7 +98,7 @@ def extend(
         ranges = [traverse.between(*places) if places else traverse for traverse in whole]
         if skip_unreadable:
             with stage("looking for images that cannot be read"):
-                ranges = readable(ranges)
+                ranges = readable(ranges, where["positions"])
         chosen = located_each(ranges, [len(traverse) for traverse in whole], **where)
         check_references([len(traverse) for traverse in chosen], images, least=1)
         stretches = check_extension(model, len(chosen[0]), len(chosen), model_path)

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 from numpy.typing import NDArray
+from PIL import Image
 
 from lava_vpr.errors import InputError
 from lava_vpr.readers import Frame, open_source
@@ -142,3 +143,19 @@ def webp_with_exif(image: NDArray[np.uint8], block: bytes) -> bytes:
     body = b"WEBP" + extended + image_bytes(".webp", image, cv2.IMWRITE_WEBP_QUALITY, 101)[12:]
     body += b"EXIF" + struct.pack("<I", len(block)) + block + b"\0" * (len(block) % 2)
     return b"RIFF" + struct.pack("<I", len(body)) + body
+
+
+def photo(
+    path: Path,
+    image: NDArray[np.uint8],
+    receiver: dict[int, Any],
+    camera: dict[int, Any] | None = None,
+    orientation: int = 1,
+) -> Path:
+    """A photo written by Pillow, with the tags of its receiver of satellites and of its camera, by their numbers."""
+    block = Image.Exif()
+    block[0x0112] = orientation
+    block.get_ifd(0x8825).update(receiver)
+    block.get_ifd(0x8769).update(camera or {})
+    Image.fromarray(np.ascontiguousarray(image[:, :, ::-1])).save(path, exif=block)
+    return path
