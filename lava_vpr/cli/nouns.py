@@ -23,6 +23,8 @@ from lava_vpr.framing import CROPS, NO_CROP
 from lava_vpr.model import Model, integer_model
 from lava_vpr.show.table import FORMS, Table
 
+MODEL_SUFFIX = ".lvpr"
+
 
 def place_range(text: str) -> tuple[int, int]:
     """``A:B``, images A..B-1 of a naturally sorted sequence, as its numbers; `ValueError`: the text is none."""
@@ -104,6 +106,28 @@ benchmark_options = noun("benchmark", lambda dataset, section: Benchmark(dataset
 """The options ``--dataset`` and ``--section``, given to the command as ``benchmark``."""
 
 
+def model_at(path: Path, source: str) -> Model:
+    """The model in ``path``, which is to answer the images of ``source``.
+
+    Raises:
+        InputError: they are swapped.
+        ModelFileError: it cannot be used.
+    """
+    refuse_swapped(path, source)
+    return open_model(path)
+
+
+def refuse_swapped(path: Path, source: str) -> None:
+    """Refuse a ``source`` of images that is a file of a model, where ``path``, that of the model, is none.
+
+    Raises:
+        InputError: it is so.
+    """
+    other = Path(source)
+    if other.suffix.lower() == MODEL_SUFFIX and path.suffix.lower() != MODEL_SUFFIX and other.is_file():
+        raise InputError(f"{shown(source)} is a model, and {shown(path)} none; give the model first, then the images")
+
+
 @dataclass(frozen=True)
 class Queries:
     """Which model is asked, and which query images.
@@ -126,7 +150,7 @@ class Queries:
         Raises:
             LavaVprError: it cannot be read, or cannot be asked so.
         """
-        model = open_model(self.model_path)
+        model = model_at(self.model_path, self.query)
         asking.check(model)
         return model
 

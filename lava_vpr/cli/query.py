@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.answering import Answered, answer_stream
-from lava_vpr.backends.asking import Asking, calibration_of, open_model
+from lava_vpr.backends.asking import Asking, calibration_of
 from lava_vpr.backends.interface import Advance
 from lava_vpr.cli.choose import WhereOptions, query_positions_options
 from lava_vpr.cli.common import (
@@ -35,6 +35,7 @@ from lava_vpr.cli.nouns import (
     answer_options,
     asking_options,
     every_option,
+    model_at,
     places_option,
     season_option,
     skip_option,
@@ -143,7 +144,7 @@ def query(
     """
     files = (*where.files, *learning.files)
     outputs = writing.outputs(motion, learning.gains, read=files, model=model_path, images=(images,))
-    model, asking = _asked(open_model(model_path), learning.of(asking), motion, where, backend)
+    model, asking = _asked(model_at(model_path, images), learning.of(asking), motion, where, backend)
     whole = open_traverse(images, every=every, events=model.config.events)
     outputs.spare(whole.paths)
     traverse = whole.between(*places) if places else whole

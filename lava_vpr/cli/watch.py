@@ -23,7 +23,7 @@ from lava_vpr.cli.common import (
     seed_type,
     stderr,
 )
-from lava_vpr.cli.nouns import Learning, OneSource, asking_options, every_option, learning_options
+from lava_vpr.cli.nouns import Learning, OneSource, asking_options, every_option, learning_options, refuse_swapped
 from lava_vpr.cli.outputs import Outputs, write_stdout
 from lava_vpr.cli.show.matches import Notes
 from lava_vpr.errors import InputError, brief
@@ -93,6 +93,7 @@ def watch(
     given up. What cannot be read is told on stderr, with a count, and left out. Ctrl-C ends it; so does the end of
     SOURCE, unless there is a page to be looked at.
     """
+    refuse_swapped(model_path, source)
     adapt, known = MODELS if asking.tracked_adapt else asking.adapt, _known(learning, model_path, source)
     how: dict[str, Any] = {"target_precision": target_precision, "off_map": off_map, "seed": seed, "crop": asking.crop}
     localizer = Localizer(model_path, motion, adapt, asking.views, **how, learn=learning.learn, season=known)

@@ -225,3 +225,17 @@ def test_a_folder_of_a_phone_becomes_a_report_in_two_commands(
     found = figures("winter", "--query-positions", "exif", "--radius", 25, SKIP)
     assert found["queries"] == 58
     assert found["decoders"]["contrast"]["recall_at_1"] > 0.8
+
+
+def test_arguments_that_are_swapped_are_named(place: Path) -> None:
+    said = "m.lvpr is a model, and query none; give the model first, then the images"
+    for command in ("query", "eval", "watch", "verify", "bench"):
+        assert fails(command, "query", "m.lvpr") == said
+    assert "m.lvpr: is of no known type" in fails("query", "m.lvpr", "m.lvpr")
+
+
+def test_images_that_are_all_alike_are_said_to_be(place: Path) -> None:
+    Path("same").mkdir()
+    for k in range(5):
+        shutil.copy("ref/img0.png", f"same/{k}.png")
+    assert "all reference images are alike" in fails("train", "same", "-o", "n.lvpr")

@@ -169,7 +169,8 @@ def quantise(weights: NDArray[np.float64], network: LifNetwork, shown: Sequence[
     unit = float((own_drives(integers, shown) - drives)[learned].mean()) if learned.any() else 0.0
     if not unit > 0:
         raise ConfigError(
-            "no neuron is driven by its own place; check learning.eta and the reference images, which must differ"
+            "no neuron is driven by its own place: all reference images are alike, as far as inputs see them, or "
+            "learning.eta is too small; give images of different places"
         )
     fixed = scaled(network, integers, unit)
     fixed = replace(fixed, bias=biases_of(drives, fixed.safe_bias))
