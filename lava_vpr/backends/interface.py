@@ -5,7 +5,7 @@ The host's, the compiled engine on this machine's processor, is the one that eve
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, Protocol
@@ -22,10 +22,15 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.inputs.encoder import EncodedTraverse, check_encoded
+from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.model import Model, checked_network
 
 Advance = Callable[[int], None]
 """A function that is told how many more presentations are done."""
+
+RunFrontEnd = Callable[[FrontEnd, NDArray[np.uint8], Advance | None], Mapping[str, NDArray[np.uint8]]]
+"""Runs a spiking front end on what its pixels take of images, uint8 (n, height, width): every spike of each population
+by name, uint8 (n, steps, neurons)."""
 
 Events = dict[str, int]
 """The counted events of a run by name, summed over its presentations."""
@@ -152,6 +157,7 @@ class BackendRow:
         batch: Presentations that ``bench`` runs in one batch, at least.
         together: Queries of a stream that it is shown in one call: few bound the memory, but what starts a process or
             reads a bundle for each call is given many.
+        front_end: What runs the spiking front end before the network; None: the backend begins with the inputs' spikes.
     """
 
     name: str
@@ -168,6 +174,7 @@ class BackendRow:
     limit: int | None = None
     batch: int = 1
     together: int = 8192
+    front_end: RunFrontEnd | None = None
 
 
 @dataclass(frozen=True)

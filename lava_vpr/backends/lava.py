@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.model import Model, checked_network
 from lava_vpr.processes.base import lava_checks
@@ -118,6 +119,21 @@ class LavaBackend:
         )
         events = conductance.named_events(results["events"], len(network.theta_mv), len(shown.rates), constants)
         return results["counts"].astype(np.int32), events
+
+
+def front_end_trains(
+    job: str, spec: FrontEnd, grey: NDArray[np.uint8], advance: Advance | None = None
+) -> dict[str, NDArray[np.uint8]]:
+    """Run the spiking front end as Lava Processes: every spike of each population by name, uint8 (n, steps, neurons).
+
+    Args:
+        job: Function of `lava_vpr.processes.jobs.front_end`.
+        spec: The front end.
+        grey: What its pixels take of each image, uint8 (n, height, width).
+        advance: Called with the number of images that are done.
+    """
+    target, timeout = f"lava_vpr.processes.jobs.front_end:{job}", 120 + len(grey) * spec.steps / SLOWEST
+    return run_isolated(target, {"grey": grey}, {"spec": asdict(spec)}, timeout=timeout, progress=advance)
 
 
 def lava_missing() -> str | None:

@@ -6,8 +6,10 @@ counts, bit for bit, on every exact backend.
 
 from __future__ import annotations
 
+from functools import partial
+
 from lava_vpr.backends.interface import Advance, Backend, BackendRow, HostBackend
-from lava_vpr.backends.lava import LavaBackend, lava_missing, loihi2_missing
+from lava_vpr.backends.lava import LavaBackend, front_end_trains, lava_missing, loihi2_missing
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.model import Model, integer_model
@@ -51,6 +53,7 @@ for _row in (
         timing="compiled",
         default=True,
         together=256,
+        front_end=lambda spec, grey, advance: spec.trains(grey),
     ),
     BackendRow(
         "lava-fixed",
@@ -60,6 +63,7 @@ for _row in (
         timing="lava",
         default=True,
         limit=16,
+        front_end=partial(front_end_trains, "composed"),
     ),
     BackendRow(
         "lava-float",
@@ -88,6 +92,7 @@ for _row in (
         unavailable=lava_missing,
         timing="lava",
         limit=16,
+        front_end=partial(front_end_trains, "library"),
     ),
     BackendRow(
         "bundle",

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
-from lava_vpr.backends.interface import HostBackend, Presentations
+from lava_vpr.backends.interface import Advance, HostBackend, Presentations, RunFrontEnd
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError, ConfigError, InputError, NetworkLimitError, PluginError
+from lava_vpr.inputs.encoder import INPUTS, Keep
+from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.model import Model, as_integer, decode
@@ -80,6 +82,11 @@ class Verdict:
         return sum(self.compared.get(population, 0) for population in Trains.DECIDED)
 
     @property
+    def before(self) -> int:
+        """Those of a spiking front end, of all its populations."""
+        return sum(spikes for population, spikes in self.compared.items() if population not in Trains.POPULATIONS)
+
+    @property
     def hosts_kernel(self) -> bool:
         """Whether the backend calls the host's own kernel."""
         return self.name in BACKENDS and BACKENDS[self.name].hosts_kernel
@@ -99,19 +106,42 @@ class Verdict:
         }
 
 
-def compare(host: Trains, other: Trains, names: Sequence[str]) -> tuple[dict[str, int], int, Mismatch | None]:
-    """Spikes of the host that were compared, by population; how many (query, step, neuron) differ, and the first by
-    query and step.
+class SpikesCompared(NamedTuple):
+    """What a comparison found.
+
+    Attributes:
+        spikes: Spikes of the host that were compared, by population.
+        differing: How many (query, step, neuron) differ.
+        first: The first of them by query and step.
+    """
+
+    spikes: dict[str, int]
+    differing: int = 0
+    first: Mismatch | None = None
+
+
+class FrontEndQueries(NamedTuple):
+    """What a spiking front end is shown: what its pixels take of each image, uint8 (n, height, width); names."""
+
+    front_end: FrontEnd
+    grey: NDArray[np.uint8]
+    names: Sequence[str]
+
+
+def compare(
+    host: Mapping[str, NDArray[np.uint8]], other: Mapping[str, NDArray[np.uint8]], names: Sequence[str]
+) -> SpikesCompared:
+    """Compare the trains (n, steps, neurons) of the populations that both have.
 
     Raises:
         InputError: the trains are of different shapes, so nothing can be compared.
     """
     compared: dict[str, int] = {}
     differing, first = 0, []
-    for order, population in enumerate(Trains.POPULATIONS):
-        ours, theirs = getattr(host, population), getattr(other, population)
-        if ours is None or theirs is None:
+    for order, (population, ours) in enumerate(host.items()):
+        if population not in other:
             continue
+        theirs = other[population]
         if ours.shape != theirs.shape:
             raise InputError(
                 f"{population} trains of shape {theirs.shape} instead of {ours.shape}; the backend runs another network"
@@ -122,7 +152,25 @@ def compare(host: Trains, other: Trains, names: Sequence[str]) -> tuple[dict[str
         for query, step, neuron in where[:1].tolist():
             said = (int(each[query, step, neuron]) for each in (ours, theirs))
             first.append(((query, step, order), Mismatch(names[query], step, population, neuron, *said)))
-    return compared, differing, min(first, key=lambda pair: pair[0])[1] if first else None
+    return SpikesCompared(compared, differing, min(first, key=lambda pair: pair[0])[1] if first else None)
+
+
+AT_ONCE = 20
+"""Images that a front end is shown in one run: every spike of each is held, twice 2 MB."""
+
+
+def _before(run: RunFrontEnd | None, shown: FrontEndQueries | None, advance: Advance | None) -> SpikesCompared:
+    """Compare what a backend's front end makes of the images, some at a time, with the host's."""
+    if run is None or shown is None:
+        return SpikesCompared({})
+    found = []
+    for start in range(0, len(shown.grey), AT_ONCE):
+        part = slice(start, start + AT_ONCE)
+        host = shown.front_end.trains(shown.grey[part])
+        found.append(compare(host, run(shown.front_end, shown.grey[part], advance), shown.names[part]))
+    spikes = {population: sum(each.spikes[population] for each in found) for population in found[0].spikes}
+    first = next((each.first for each in found if each.first is not None), None)
+    return SpikesCompared(spikes, sum(each.differing for each in found), first)
 
 
 def recall_at_1(model: Model, counts: NDArray[np.int32], truth: NDArray[np.bool_]) -> float:
@@ -171,12 +219,20 @@ def verify(
             f"{queries.names[silent[0]]}: no neuron spikes for this query, so there is nothing to compare "
             f"({len(silent)} of {len(queries)} such queries); choose others with --places"
         )
-    compared = compare(trains, trains, images)[0] if trains else {"exc": int(counts.sum())}
+    front_end = INPUTS[model.config.encoder.kind].front_end
+    before = None
+    if front_end is not None:
+        grey = [each.kept(Keep.GREY, "comparing the front end") for each in (queries, *further)]
+        before = FrontEndQueries(front_end, np.concatenate(grey), images)
+    compared = _before(BACKENDS["host"].front_end, before, None).spikes
+    compared |= compare(trains.films, trains.films, images).spikes if trains else {"exc": int(counts.sum())}
     reference = Verdict("host", None, True, len(queries), compared, recall=recall_at_1(model, counts, truth))
     for name in BACKENDS if names is None else names:
         try:
             found = (
-                reference if name == "host" else _verdict(name, model, shown, trains, images, truth, reference, begin)
+                reference
+                if name == "host"
+                else _verdict(name, model, shown, before, trains, images, truth, reference, begin)
             )
         except (BackendUnavailableError, ConfigError, NetworkLimitError, PluginError) as error:
             found = Verdict(name, str(error))
@@ -188,6 +244,7 @@ def _verdict(
     name: str,
     model: Model,
     shown: Presentations,
+    before: FrontEndQueries | None,
     host: Trains | None,
     images: Sequence[str],
     truth: NDArray[np.bool_],
@@ -200,7 +257,11 @@ def _verdict(
         LavaVprError: it cannot run here, or not this model.
     """
     backends.require(name)
-    row, backend = BACKENDS[name], backends.get(name, advance=begin(name) if begin else None)
+    row, begin = BACKENDS[name], begin or (lambda name: None)
+    earlier = SpikesCompared({})
+    if before is not None and row.front_end is not None:
+        earlier = _before(row.front_end, before, begin(f"the front end on {name}"))
+    backend = backends.get(name, advance=begin(name))
     exact = host if row.exact else None
     spikes = None if exact is None or row.counts_only else backend.trains(model, shown)
     counts = backend.count_spikes(model, shown)[0] if spikes is None else spikes.exc.sum(axis=1, dtype=np.int32)
@@ -209,7 +270,10 @@ def _verdict(
         return verdict
     if spikes is None:  # counts are compared as the spikes of one step
         exact, spikes = (Trains(np.asarray(each)[:, None]) for each in (exact.exc.sum(axis=1), counts))
-    compared, differing, mismatch = compare(exact, spikes, images)
+    found = compare(exact.films, spikes.films, images)
+    mismatch = found.first
     if mismatch is not None and row.counts_only:
         mismatch = replace(mismatch, step=None)
+    mismatch = earlier.first or mismatch
+    compared, differing = earlier.spikes | found.spikes, earlier.differing + found.differing
     return replace(verdict, equal=mismatch is None, compared=compared, differing=differing, mismatch=mismatch)

@@ -24,6 +24,7 @@ from lava_vpr.cli.nouns import (
 from lava_vpr.cli.outputs import Outputs, show_results
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import BackendUnavailableError, InputError
+from lava_vpr.inputs.encoder import Keep
 from lava_vpr.show.numbers import percent
 from lava_vpr.show.table import Table
 from lava_vpr.truth.alignment import aligned_truth
@@ -69,7 +70,7 @@ def verify(
         backends.require(name, model)
     traverse = open_queries(model, asked.query, asked.places, asked.every, outputs)
     truth = aligned_truth(model, traverse)[:limit]  # of all, then the first: fewer than places would be not aligned
-    queries, *further = encode_queries(traverse.take(range(min(limit, len(traverse)))), model, asking)
+    queries, *further = encode_queries(traverse.take(range(min(limit, len(traverse)))), model, asking, Keep.GREY)
     chosen = ("host", *(name for name in names if name != "host")) if names else None
     with one_bar() as show:
         verdicts = verify_spikes(
@@ -110,17 +111,18 @@ def _judge(verdicts: list[Verdict], named: bool) -> None:
 
 def _table(verdicts: list[Verdict]) -> Table:
     """The table of the verdicts, with a row for each backend."""
-    rows = []
+    rows, before = [], any(verdict.before for verdict in verdicts)
     for verdict in verdicts:
         if verdict.reason is not None:
             rows.append([verdict.name, "not available"])
             continue
         equal = "equal, host's kernel" if verdict.hosts_kernel else "every spike equal"
         result = {None: "floating point", True: equal, False: f"{verdict.differing:,} differ"}
-        numbers = (verdict.decided, verdict.compared.get("inputs", 0))
+        numbers = ((verdict.before,) if before else ()) + (verdict.decided, verdict.compared.get("inputs", 0))
         compared = (f"{number:,}" if verdict.equal is not None else "" for number in numbers)
         recall = "" if verdict.recall is None else percent(verdict.recall)
         shown = "compared with" if verdict.name == "host" else result[verdict.equal]
         rows.append([verdict.name, shown, f"{verdict.queries}", *compared, recall])
-    note = "Spikes compared: of exc and inh, which the network decides, and of inputs, which rates and key do."
-    return Table(("backend", "result", "queries", "exc, inh", "inputs", "R@1"), rows, (note,), words=2)
+    front_end, of = (("front end",), "all populations of the front end, ") if before else ((), "")
+    note = f"Spikes compared: of {of}exc and inh, which the network decides, and of inputs, which rates and key do."
+    return Table(("backend", "result", "queries", *front_end, "exc, inh", "inputs", "R@1"), rows, (note,), words=2)

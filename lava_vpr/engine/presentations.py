@@ -79,6 +79,11 @@ class Trains:
     DECIDED: ClassVar[tuple[str, ...]] = ("exc", "inh")
     """The populations whose spikes the network decides; those of inputs are drawn from rates and key."""
 
+    @property
+    def films(self) -> dict[str, NDArray[np.uint8]]:
+        """The trains of the populations that have some, by name."""
+        return {name: film for name in self.POPULATIONS if (film := getattr(self, name)) is not None}
+
     def part(self, presentations: slice) -> Trains:
         """The spikes of some of the presentations."""
         inputs = None if self.inputs is None else self.inputs[presentations]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
-from lava_vpr.inputs.front_end import FRONT_END
+from lava_vpr.inputs.front_end import FRONT_END, FrontEnd
 from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.inputs.patches import HOG_VALUES, PATCH_SIDE, on_off
 from lava_vpr.inputs.vectors import as_rates, signed_channels, without_weak
@@ -128,6 +128,7 @@ class Input:
             as `lava_vpr.inputs.likeness` takes for granted.
         standardised: Whether vectors are measured by what was fitted on the references
             (`lava_vpr.inputs.vectors.Standard`) before `activity` is given them.
+        front_end: The spiking front end whose cells' spikes are the activity; None: nothing spikes before the inputs.
     """
 
     name: str
@@ -139,6 +140,7 @@ class Input:
     legend: str
     standardised: bool = False
     oriented: bool = False
+    front_end: FrontEnd | None = None
 
 
 INPUTS: Registry[Input] = Registry("kind of input", ConfigError, group="lava_vpr.inputs", row_class=Input)
@@ -188,6 +190,7 @@ for _row in (
         drawing="strokes",
         legend=STROKES,
         oriented=True,
+        front_end=FRONT_END,
     ),
     Input(
         "onoff",
@@ -248,14 +251,16 @@ THUMBNAIL = (64, 48)
 
 
 class Keep(Flag):
-    """What is kept beside the activity: what SAD and HOG compare of images, vectors themselves, what reports show."""
+    """What is kept beside the activity: what SAD and HOG compare of images, vectors themselves, what reports show, what
+    the pixels of a spiking front end take."""
 
     NOTHING = 0
     PATCHES = auto()
     THUMBNAILS = auto()
     HOG = auto()
     VECTORS = auto()
-    ALL = PATCHES | THUMBNAILS | HOG | VECTORS
+    GREY = auto()
+    ALL = PATCHES | THUMBNAILS | HOG | VECTORS | GREY
 
 
 @dataclass(frozen=True)
@@ -270,6 +275,8 @@ class EncodedTraverse:
         thumbnails: Small BGR images for reports, uint8 (n, 48, 64, 3); None unless they were to be kept.
         hog: HOG descriptors, uint8 (n, 1764); None unless they were to be kept.
         vectors: The vectors as they were given, float32 (n, values); None of images, or unless they were to be kept.
+        grey: What the pixels of a spiking front end take, uint8 (n, height, width); None where there is none, or unless
+            they were to be kept.
     """
 
     names: tuple[str, ...]
@@ -279,13 +286,14 @@ class EncodedTraverse:
     thumbnails: NDArray[np.uint8] | None = None
     hog: NDArray[np.uint8] | None = None
     vectors: NDArray[np.float32] | None = None
+    grey: NDArray[np.uint8] | None = None
 
     def __len__(self) -> int:
         return len(self.names)
 
     def take(self, chosen: slice | NDArray[np.int64]) -> EncodedTraverse:
         """Some of the images, in the order of ``chosen``, with their absolute indices."""
-        arrays = ("patches", "thumbnails", "hog", "vectors")
+        arrays = ("patches", "thumbnails", "hog", "vectors", "grey")
         kept = {name: array[chosen] for name in arrays if (array := getattr(self, name)) is not None}
         order = np.arange(len(self))[chosen].tolist()
         names = tuple(self.names[k] for k in order)
@@ -302,7 +310,8 @@ class EncodedTraverse:
         """
         found: NDArray[Any] | None = getattr(self, str(part.name).lower())
         if found is None:
-            what = "HOG descriptors" if part is Keep.HOG else str(part.name).lower()
+            words = {Keep.HOG: "HOG descriptors", Keep.GREY: "grey pixels"}
+            what = words.get(part, str(part.name).lower())
             raise InputError(f"{purpose}: needs the images' {what}, which were not kept; encode them with {part}")
         return found
 
@@ -333,6 +342,8 @@ def check_encoded(encoded: EncodedTraverse, encoder: EncoderConfig, what: str) -
         ("hog", encoded.hog, np.uint8, (n, HOG_VALUES)),
         ("vectors", encoded.vectors, np.float32, (n, encoder.vector_values)),
     ]
+    if (front_end := INPUTS[encoder.kind].front_end) is not None:
+        parts.append(("grey", encoded.grey, np.uint8, (n, front_end.height, front_end.width)))
     for name, array, dtype, shape in parts:
         if array is not None and (array.dtype != dtype or array.shape != shape):
             raise InputError(

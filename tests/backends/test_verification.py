@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,20 +14,23 @@ from click.testing import CliRunner
 from support.common.commands import PLACES, SHORT, figures, run
 from support.common.small_models import encoded, small_model, tiny_paper
 
-from benchmarks.places import SECTIONS, encoded as real, learn
+from benchmarks.places import SECTIONS, TEMPLATES, encoded as real, images_of, learn
 from lava_vpr import model as model_file
-from lava_vpr.backends import registry as backends
+from lava_vpr.backends import lava, registry as backends, verification
 from lava_vpr.backends.interface import HostBackend, Presentations, query_presentations
 from lava_vpr.backends.verification import Verdict, compare, verify
 from lava_vpr.cli import main
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
-from lava_vpr.encoding import encode_traverse
+from lava_vpr.encoding import encode_arrays, encode_traverse
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.inputs.encoder import Keep
+from lava_vpr.inputs.front_end import FRONT_END
 from lava_vpr.model import Model, integer_model
 from lava_vpr.processes.base import lava_checks
 from lava_vpr.recognition import DECODERS_ONLY, recognise
+from lava_vpr.synthetic.world import World, render
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
 
@@ -41,11 +45,11 @@ def trains() -> Trains:
 
 def test_every_spike_is_compared() -> None:
     host = trains()
-    spikes, differing, mismatch = compare(host, host, ("a", "b"))
+    spikes, differing, mismatch = compare(host.films, host.films, ("a", "b"))
     assert spikes == {"inputs": host.inputs.sum(), "exc": host.exc.sum(), "inh": host.inh.sum()}
     assert (differing, mismatch) == (0, None)
     only = Trains(host.exc)
-    assert compare(host, only, ("a", "b"))[0] == {"exc": host.exc.sum()}
+    assert compare(host.films, only.films, ("a", "b"))[0] == {"exc": host.exc.sum()}
 
 
 @pytest.mark.parametrize("population", Trains.POPULATIONS)
@@ -53,7 +57,7 @@ def test_one_spike_too_many_or_too_few_is_found(population: str) -> None:
     host = trains()
     changed = getattr(host, population).copy()
     changed[1, 4, 3] ^= 1
-    _, differing, mismatch = compare(host, replace(host, **{population: changed}), ("a", "b"))
+    _, differing, mismatch = compare(host.films, replace(host, **{population: changed}).films, ("a", "b"))
     assert differing == 1
     was = int(getattr(host, population)[1, 4, 3])
     assert str(mismatch) == (f"query b, step 4, population {population}, neuron 3: host {was}, backend {1 - was}")
@@ -64,7 +68,7 @@ def test_the_first_mismatch_is_the_earliest_step() -> None:
     inputs, inh = host.inputs.copy(), host.inh.copy()  # type: ignore[union-attr]
     inputs[0, 7, 0] ^= 1
     inh[0, 5, 2] ^= 1
-    _, differing, mismatch = compare(host, replace(host, inputs=inputs, inh=inh), ("a", "b"))
+    _, differing, mismatch = compare(host.films, replace(host, inputs=inputs, inh=inh).films, ("a", "b"))
     assert differing == 2
     assert (mismatch.population, mismatch.step) == ("inh", 5)
 
@@ -72,7 +76,7 @@ def test_the_first_mismatch_is_the_earliest_step() -> None:
 def test_trains_of_another_shape_are_refused() -> None:
     host = trains()
     with pytest.raises(InputError, match=r"^exc trains of shape \(2, 8, 5\) instead of \(2, 9, 5\); the backend runs"):
-        compare(host, replace(host, exc=host.exc[:, 1:]), ("a", "b"))
+        compare(host.films, replace(host, exc=host.exc[:, 1:]).films, ("a", "b"))
 
 
 def test_a_query_without_spikes_is_refused() -> None:
@@ -102,6 +106,54 @@ def test_a_lost_spike_fails_the_command(here: Path, monkeypatch: pytest.MonkeyPa
     assert "population exc, neuron " in result.stderr
     assert "host 1, backend 0" in result.stderr
     assert json.loads(Path("v.json").read_text())["backends"]["lava-fixed"]["equal"] is False
+
+
+@pytest.mark.lava
+def test_every_spike_of_the_front_end_is_compared(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command with a front end in Lava's place that adds a spike of a pair: the third image's, in its own run."""
+    wrong = [False]
+
+    def in_lavas_place(target: str, arrays: Any, options: Any, **ways: Any) -> Any:
+        assert target == "lava_vpr.processes.jobs.front_end:composed"
+        assert options["spec"] == asdict(FRONT_END)
+        films = FRONT_END.trains(arrays["grey"])
+        if wrong[0] and len(arrays["grey"]) == 1:
+            assert films["pairs"][0, 9, 70] == 0
+            films["pairs"][0, 9, 70] = 1
+        return films
+
+    run("train", "reference", "-o", "f.lvpr", "--input", "frontend", "--learning", "template")
+    monkeypatch.setattr(backends, "get", lambda name, threads=1, advance=None: HostBackend())
+    monkeypatch.setattr(lava, "run_isolated", in_lavas_place)
+    monkeypatch.setattr(verification, "AT_ONCE", 2)
+    asked = ("verify", "f.lvpr", "query", "--limit", 3, "--backend", "lava-fixed", "--backend", "lava-fused")
+    result = run(*asked, "--json", "v.json")
+    values = json.loads(Path("v.json").read_text())["backends"]
+    spikes = values["host"]["spikes_by_population"]
+    assert list(spikes) == [*FRONT_END.populations, "inputs", "exc", "inh"]
+    assert spikes["clock"] == 3 * FRONT_END.end
+    assert spikes["pixels"] == 3 * 64 * 32
+    assert values["lava-fixed"] == values["host"] | {"hosts_kernel": False}
+    assert list(values["lava-fused"]["spikes_by_population"]) == ["inputs", "exc", "inh"]
+    before = sum(spikes[name] for name in FRONT_END.populations)
+    assert re.search(rf"lava-fixed +│ every spike equal +│ +3 │ +{before:,} │", result.stdout)
+    wrong[0] = True
+    result = CliRunner().invoke(main, [str(word) for word in asked])
+    assert result.exit_code == 1
+    assert result.stderr.endswith(
+        "lava-fixed differs from the host in 1 places, first at query place_00002.png, step 9, population pairs, "
+        "neuron 70: host 0, backend 1; report it with the model and the query\n"
+    )
+
+
+def test_a_front_end_without_its_pixels_is_not_compared() -> None:
+    config = update(preset("loihi"), {"encoder": {"kind": "frontend"}, "learning": TEMPLATES})
+    images = [render(World(0), place, "summer") for place in range(3)]
+    (queries,) = encode_arrays(images, config.encoder, keep=Keep.PATCHES | Keep.THUMBNAILS)
+    with pytest.raises(
+        InputError, match=r"^comparing the front end: needs the images' grey pixels, which were not kept"
+    ):
+        verify(train([queries], config), queries, np.eye(3, dtype=bool), names=("host",))
 
 
 @pytest.mark.lava
@@ -226,6 +278,24 @@ def test_real_queries_on_every_backend(bits: int, data_root: Path) -> None:
         # Of the fused Process those of exc are compared; of the others all populations.
         seen = (host.exc,) if verdict.name == "lava-fused" else (host.inputs, host.exc, host.inh)
         assert verdict.spikes == sum(int(spikes.sum(dtype=np.int64)) for spikes in seen)
+
+
+@pytest.mark.lava
+@pytest.mark.data
+@pytest.mark.slow
+def test_real_queries_from_pixels_on(data_root: Path) -> None:
+    """Every spike of every layer of a map of 100 places, front end and network, in this project's models and Lava's."""
+    config = update(preset("loihi"), {"encoder": {"kind": "frontend"}, "learning": TEMPLATES})
+    model = learn(SECTIONS[0], config)
+    winter = open_traverse(images_of("nordland", "winter")).take(range(5))
+    queries = encode_traverse(winter, config.encoder, Keep.GREY)
+    films = FRONT_END.trains(queries.kept(Keep.GREY, "the test"))
+    assert np.array_equal(films["cells"].sum(axis=1), queries.activity)
+    for verdict in verify(model, queries, np.eye(5, 100, dtype=bool), names=("host", "lava-fixed", "lava-library")):
+        print(f"{verdict.name}: {verdict.compared}")
+        assert verdict.equal, verdict.mismatch or verdict.reason
+        assert min(verdict.compared.values()) > 0
+        assert {name: verdict.compared[name] for name in films} == {name: film.sum() for name, film in films.items()}
 
 
 @pytest.mark.lava
