@@ -16,12 +16,12 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.backends.answering import Turn, in_turn, teachers
 from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
 from lava_vpr.backends.interface import Advance, Backend, Events, HostBackend, Presentations, query_presentations
-from lava_vpr.backends.replaying import Used
 from lava_vpr.backends.rivals import Rivals, Scored, chosen as rivals_of, decoded, descriptor_similarities
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.adaptation import Adaptation, Motion
 from lava_vpr.engine.gains import Season
+from lava_vpr.gaintable import Used
 from lava_vpr.matching import sequences
 from lava_vpr.matching.answers import Answers, Followed, Held, InBlocks, Together, follow, hold
 from lava_vpr.matching.decoders import DECODERS

@@ -14,6 +14,7 @@ from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.folder import ReadBundle, json_bytes
+from lava_vpr.deploy.bundle.gains import FACTS, facts, gain_files
 from lava_vpr.deploy.bundle.readme import readme
 from lava_vpr.deploy.bundle.references import reference_files
 from lava_vpr.deploy.bundle.targets import TARGETS, program_files
@@ -23,6 +24,7 @@ from lava_vpr.deploy.hardware.loihi_2 import RESET_SHOWN
 from lava_vpr.deploy.hardware.table import relied_on
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.engine.presentations import cores
+from lava_vpr.gaintable import GainTable
 from lava_vpr.loihi import WEIGHT_BITS
 from lava_vpr.model import Model, checked_content, integer_model
 from lava_vpr.training.measuring import expected_rates, reference_responses
@@ -60,6 +62,7 @@ def contents(
     picture: bool = True,
     measured: bool = False,
     dense_rows: bool = False,
+    gains: GainTable | None = None,
 ) -> tuple[dict[str, Any], dict[str, bytes], Plan]:
     """Manifest (for `deploy.bundle.folder.sealed`), files and plan of the bundle of ``model``; see `deploy`."""
     plan, target = timed(plan_of(model, board, dense_rows=dense_rows), model), TARGETS[board.name]
@@ -72,14 +75,18 @@ def contents(
         from lava_vpr.deploy.bundle.learning import learning_files
 
         files |= learning_files(model)
+    manifest = _manifest(model, plan, compression)
+    if gains is not None:
+        files |= gain_files(gains, model)
+        manifest[FACTS] = facts(gains, model)
     files["mapping.json"] = json_bytes(mapping(plan))
-    rows = unproven(plan, learning=learning)
-    files["README.md"] = readme(model, plan, target.guide, target.parts, learning, rows)
+    rows, gained = unproven(plan, learning=learning), gains is not None
+    files["README.md"] = readme(model, plan, target.guide, target.parts, rows, learning=learning, gained=gained)
     if picture:
         from lava_vpr.deploy.show.drawing import draw  # matplotlib takes a second to import
 
         files["mapping.svg"] = draw(plan)
-    return _manifest(model, plan, compression) | {"unproven": [row.name for row in rows]}, files, plan
+    return manifest | {"unproven": [row.name for row in rows]}, files, plan
 
 
 def unproven(plan: Plan, *, learning: bool = False) -> tuple[HardwareBelief, ...]:
@@ -111,6 +118,7 @@ def deploy(
     picture: bool = True,
     measured: bool = False,
     dense_rows: bool = False,
+    gains: GainTable | None = None,
 ) -> Deployed:
     """Write the bundle of ``model`` for ``board``.
 
@@ -123,8 +131,9 @@ def deploy(
         picture: Also draw where the neurons stand.
         measured: The responses of ``model`` are those of its network; otherwise they are measured.
         dense_rows: See `plan_of`.
+        gains: What a drive's queries were presented with, for the host program to present them so; None: nothing.
     Raises:
-        ConfigError: the model is no integer network.
+        ConfigError: the model is no integer network, or ``gains`` are of another.
         NetworkLimitError: it does not fit the board.
         ModelFileError: its bundle could not be opened again.
         BundleError: the folder cannot be written.
@@ -139,6 +148,7 @@ def deploy(
         picture=picture,
         measured=measured,
         dense_rows=dense_rows,
+        gains=gains,
     )
     return Deployed(bundle_folder.write(path, manifest, files), plan)
 

@@ -90,12 +90,23 @@ NETWORK = """\
 """
 
 _LEARNING = "- `learning/`: the network that learns, for Lava's LearningDense: rule, start weights, schedule.\n"
+_GAINED = """\
+- `host/gains.lvpg`: what the queries of a drive are presented with, gains of inputs and biases of neurons. With
+  `Q/activity.npy` alone, the activity of the same images in order, float32 (n, inputs), `--queries Q` does so.
+"""
 _INJECTED = "{} trains, injected spike by spike"
 _BIAS = "integrated by input compartments from a bias written once a query"
 
 
 def readme(
-    model: Model, plan: Plan, guide: str, parts: str, learning: bool, unproven: Iterable[HardwareBelief]
+    model: Model,
+    plan: Plan,
+    guide: str,
+    parts: str,
+    unproven: Iterable[HardwareBelief],
+    *,
+    learning: bool = False,
+    gained: bool = False,
 ) -> bytes:
     """What the folder is and how to run it.
 
@@ -104,8 +115,9 @@ def readme(
         plan: Where its neurons stand.
         guide: How to run the board's program.
         parts: What the files of the network are.
-        learning: Whether the bundle also holds the network that learns.
         unproven: The rows of the table of hardware that it rests on and no public source shows.
+        learning: Whether the bundle also holds the network that learns.
+        gained: Whether it also holds the gains and biases of a drive's queries.
     """
     network = plan.network
     text = _TEXT.format(
@@ -123,7 +135,7 @@ def readme(
         time=textwrap.fill(modelled_time(plan), 110),
         way=_BIAS if network.bias_input else _INJECTED.format("regular" if network.regular else "Poisson"),
         programs=guide,
-        parts=parts + _LEARNING if learning else parts,
+        parts=parts + _LEARNING * learning + _GAINED * gained,
         unproven="\n".join(f"- {row.name}: if it is wrong, {row.breaks}" for row in unproven),
     )
     return text.encode()

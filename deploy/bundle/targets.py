@@ -20,6 +20,7 @@ from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle import core_files, folder as bundle_folder, loihi2, readme
 from lava_vpr.deploy.bundle.core_files import BundlePlayer, scalars
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle
+from lava_vpr.deploy.bundle.gains import check_gains
 from lava_vpr.deploy.bundle.learning import SETTINGS, check_learning
 from lava_vpr.deploy.bundle.references import read_references, referenced
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -143,6 +144,7 @@ def open_whole(path: Path) -> tuple[ReadBundle, Model]:
         if not target.learns:
             raise BundleError(f"{whole_bundle.at(SETTINGS)}: is for a board that does not learn; {AGAIN}")
         check_learning(whole_bundle, model)
+    check_gains(whole_bundle, model)
     return whole_bundle, replace(model, bundle=path)
 
 

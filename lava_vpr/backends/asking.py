@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lava_vpr import model as model_file
 from lava_vpr.backends.interface import Presentations, query_presentations
-from lava_vpr.backends.replaying import GainTable, Replayer, Used
+from lava_vpr.backends.replaying import Replayer
 from lava_vpr.backends.season import check_season
 from lava_vpr.backends.teaching import Learner
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
@@ -25,6 +25,7 @@ from lava_vpr.engine.gains import Season
 from lava_vpr.engine.random import image_keys
 from lava_vpr.errors import ConfigError
 from lava_vpr.framing import NO_CROP, OfQueries, check_crop
+from lava_vpr.gaintable import GainTable, Used
 from lava_vpr.inputs.doubts import Sign
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.views import View, ViewsConfig

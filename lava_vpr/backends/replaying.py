@@ -1,116 +1,18 @@
-"""What a drive's queries were presented with, gains and biases, as a file (``.lvpg``) that every backend replays.
-
-Answers that teach decide what later queries are shown with, so what counts the spikes of a batch cannot know it. The
-host answers first and writes down what it used; whoever replays that learns nothing anew, and counts the same spikes.
-"""
+"""Queries presented as a gain table says (`lava_vpr.gaintable`), in place of what answers before would teach."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lava_vpr import __version__
 from lava_vpr.backends.interface import Presentations
-from lava_vpr.backends.season import inputs_of
 from lava_vpr.backends.teaching import under_gains
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.engine.gains import FULL
-from lava_vpr.engine.presentations import check_array
 from lava_vpr.engine.random import image_keys
-from lava_vpr.errors import ConfigError, InputError, LavaVprError, ModelFileError, said, shown as told
+from lava_vpr.errors import InputError
+from lava_vpr.gaintable import GainTable
 from lava_vpr.model import IntegerModel
-from lava_vpr.storage import container
-from lava_vpr.storage.arrays import ArrayRule, UnfitError, check_arrays, check_keys
-
-_KIND = "gain table"
-_HASH = re.compile("[0-9a-f]{64}")
-_BIASES = np.iinfo(np.int32)
-
-
-class Used(NamedTuple):
-    """What some queries of a drive were presented with.
-
-    Attributes:
-        gains: Those in force, uint8 (inputs,).
-        bias: Biases, int32 (n, neurons).
-        images: Image keys, uint64 (n,).
-    """
-
-    gains: NDArray[np.uint8]
-    bias: NDArray[np.int32]
-    images: NDArray[np.uint64]
-
-
-@dataclass(frozen=True, eq=False)
-class GainTable:
-    """What the queries of a drive were presented with, in order.
-
-    Attributes:
-        gains: The gains of each epoch, uint8 (epochs, inputs), at most `FULL`.
-        epoch: The epoch of each query, int32 (n,).
-        bias: Its biases, int32 (n, neurons).
-        images: Its image key, uint64 (n,): another image is none of the drive's.
-        network_of: Which network and inputs these are: a hash.
-        name: The file, for messages.
-    """
-
-    gains: NDArray[np.uint8] = field(repr=False)
-    epoch: NDArray[np.int32] = field(repr=False)
-    bias: NDArray[np.int32] = field(repr=False)
-    images: NDArray[np.uint64] = field(repr=False)
-    network_of: str = ""
-    name: str = "the gain table"
-
-    @classmethod
-    def of(cls, model: IntegerModel, parts: Iterable[Used]) -> GainTable:
-        """The table of a drive's ``parts``, at least one, in order; an epoch begins where gains change."""
-        some = list(parts)
-        begins = [k == 0 or not np.array_equal(part.gains, some[k - 1].gains) for k, part in enumerate(some)]
-        numbers = np.cumsum(begins) - 1
-        return cls(
-            np.stack([part.gains for part, begin in zip(some, begins, strict=True) if begin]),
-            np.repeat(numbers, [len(part.images) for part in some]).astype(np.int32),
-            np.concatenate([part.bias for part in some]),
-            np.concatenate([part.images for part in some]),
-            network_of(model),
-        )
-
-    def check(self, model: IntegerModel) -> None:
-        """Refuse to replay to ``model`` what another network was presented with, or what none can be.
-
-        Raises:
-            ConfigError: it is another, or its biases fit no registers.
-        """
-        if self.network_of != network_of(model):
-            raise ConfigError(
-                f"{self.name}: was written with another model (other weights or inputs); give that model, or write it "
-                "anew with --learn --gains"
-            )
-        try:
-            check_array(self.gains, "gains", np.uint8, (len(self.gains), model.network.inputs), "write it again")
-            model.network.check_presented(self.bias, len(self.epoch))
-        except LavaVprError as error:
-            raise ConfigError(f"{self.name}: does not hold what its model takes ({said(error)})") from None
-
-    def check_length(self, queries: int) -> None:
-        """Refuse to replay to more ``queries`` than there are.
-
-        Raises:
-            InputError: there are fewer.
-        """
-        if queries > len(self.images):
-            raise InputError(
-                f"{self.name}: has {len(self.images):,} queries, but {queries:,} are asked; ask no more, or write it "
-                "anew with --learn --gains"
-            )
 
 
 class Replayer:
@@ -135,68 +37,3 @@ class Replayer:
             )
         self._done = rows.stop
         return under_gains(shown, views, table.gains[table.epoch[rows]], table.bias[rows], self._encoder)
-
-
-def network_of(model: IntegerModel) -> str:
-    """A hash of all that decides which neurons and inputs a model has; not where inputs stand, which a board's folder
-    may decide otherwise."""
-    network = model.network
-    scalars = {name: value for name, value in network.scalars.items() if name != "bias_input"}
-    made = hashlib.sha256(json.dumps([inputs_of(model), network.weights.shape, scalars]).encode())
-    made.update(network.weights.tobytes() + network.bias.tobytes())
-    return made.hexdigest()
-
-
-def save(table: GainTable, path: Path) -> None:
-    """Write ``table`` to ``path``; the file appears complete or not at all.
-
-    Raises:
-        ModelFileError: it cannot be written; what stood at ``path`` still does.
-    """
-    arrays: dict[str, NDArray[Any]] = {
-        "gains": table.gains,
-        "epoch": table.epoch,
-        "bias": table.bias,
-        "images": table.images,
-    }
-    container.save(path, _KIND, {"version": __version__, "network_of": table.network_of}, arrays)
-
-
-def load(path: Path | str) -> GainTable:
-    """The table in the file at ``path``.
-
-    Raises:
-        ModelFileError: missing, foreign, damaged, or inconsistent.
-    """
-    header, arrays = container.load(Path(path), _KIND)
-    try:
-        check_keys(header, ("version", "network_of"), (), "key {} in its header")
-        known = header["network_of"]
-        if not (isinstance(known, str) and _HASH.fullmatch(known)):
-            raise UnfitError("network_of")
-        epochs, inputs = _sizes(arrays, "gains")
-        queries, neurons = _sizes(arrays, "bias")
-        rules = {
-            "gains": ArrayRule("uint8", (epochs, inputs), 0, FULL),
-            "epoch": ArrayRule("int32", (queries,), 0, epochs - 1),
-            "bias": ArrayRule("int32", (queries, neurons), _BIASES.min, _BIASES.max),
-            "images": ArrayRule("uint64", (queries,)),
-        }
-        check_arrays(arrays, rules)
-    except UnfitError as error:
-        remedy = container.REMEDIES[_KIND]
-        raise ModelFileError(f"{told(Path(path))}: the {_KIND} {error.how} {error}; {remedy}") from None
-    values = {name: np.asarray(array) for name, array in arrays.items()}
-    return GainTable(**values, network_of=known, name=told(Path(path)))
-
-
-def _sizes(arrays: dict[str, NDArray[Any]], name: str) -> tuple[int, int]:
-    """Rows and columns of the array called ``name``.
-
-    Raises:
-        UnfitError: there is none, or it has others.
-    """
-    array = arrays.get(name)
-    if array is None or array.ndim != 2:
-        raise UnfitError(name)
-    return array.shape[0], array.shape[1]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -12,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import __version__
-from lava_vpr.configfile import to_dict
 from lava_vpr.engine.gains import FULL, MARGINS, RECENT, Season
 from lava_vpr.errors import ConfigError, ModelFileError, shown
+from lava_vpr.gaintable import inputs_of
 from lava_vpr.model import IntegerModel
 from lava_vpr.modelfile import count
 from lava_vpr.storage import container
@@ -24,15 +22,6 @@ _MOST_RATE = 65535.0
 _MOST_SUM = 1 << 50
 """More than rates of 16 bits can add up to while sums forget."""
 _HASH = re.compile("[0-9a-f]{64}")
-
-
-def inputs_of(model: IntegerModel) -> str:
-    """A hash of all that decides which inputs a model has, and their rates."""
-    made = hashlib.sha256(json.dumps(to_dict(model.config)["encoder"], sort_keys=True).encode())
-    if model.standard is not None:
-        for name, array in sorted(model.standard.arrays.items()):
-            made.update(name.encode() + array.tobytes())
-    return made.hexdigest()
 
 
 def unlearned(model: IntegerModel) -> Season:

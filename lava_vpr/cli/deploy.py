@@ -31,6 +31,7 @@ from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import shown
 from lava_vpr.experiments.calibration import Calibration, calibrated, figures, search
+from lava_vpr.gaintable import load as load_table
 from lava_vpr.model import Model, integer_model
 from lava_vpr.show.numbers import percent
 from lava_vpr.show.table import Table
@@ -103,6 +104,13 @@ class CalibrationImages:
 @dense_rows_option
 @applied_option
 @click.option(
+    "--replay",
+    type=PATH,
+    default=None,
+    metavar="FILE",
+    help="Add the gains and biases in FILE, written by --gains: BUNDLE's program presents the same queries so.",
+)
+@click.option(
     "--learning",
     is_flag=True,
     help="Loihi 2: add the network that learns; with --calibrate, also train it and print its recall.",
@@ -118,6 +126,7 @@ def deploy(
     images: CalibrationImages,
     dense_rows: bool,
     season: Path | None,
+    replay: Path | None,
     learning: bool,
     json_path: Path | None,
 ) -> None:
@@ -131,10 +140,13 @@ def deploy(
     _check_learning(board, learning)
     check_dense_rows(board, dense_rows)
     check_replaceable(output)
-    outputs = Outputs((json_path,), folders=(output,), read=(season,), model=model_path, images=images.sources)
+    outputs = Outputs((json_path,), folders=(output,), read=(season, replay), model=model_path, images=images.sources)
     model, _ = applied(integer_model(open_model(model_path), board.title, model_path), season)
+    table = None if replay is None else load_table(replay)
     calibration = images.of(model, outputs)
     compressed = _compressed(model, board, changes, calibration, images.max_loss)
+    if table is not None:
+        table.check(integer_model(compressed.model, "--replay"))
     with stage(f"placing {compressed.model.neurons:,} neurons, and writing the bundle"):
         deployed = write_bundle(
             compressed.model,
@@ -144,6 +156,7 @@ def deploy(
             measured=not compressed.unchanged,
             dense_rows=dense_rows,
             learning=learning,
+            gains=table,
         )
     learned = _learned(model, calibration) if learning and calibration is not None else None
     compared = [] if compressed.before is None else [_figures(compressed, learned)]

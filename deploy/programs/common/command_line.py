@@ -11,7 +11,7 @@ def parser(board: str) -> argparse.ArgumentParser:
     what.add_argument("--check", action="store_true", help="everything but the board")
     what.add_argument("--self-test", nargs="?", type=int, const=0, metavar="N", help="present the (first N) references")
     what.add_argument("--ladder", metavar="FILE", help="all self-tests, smallest first; write one file to send back")
-    what.add_argument("--queries", metavar="DIR", help="folder with rates.npy and keys.npy")
+    what.add_argument("--queries", metavar="DIR", help="folder with rates.npy and keys.npy, or activity.npy")
     what.add_argument("--attempts", help=argparse.SUPPRESS)  # the ladder's own child: tries rungs, into this folder
     ways = os.environ.get("LAVA_VPR_WAYS", "")
     own.add_argument(

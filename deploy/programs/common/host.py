@@ -13,6 +13,7 @@ import numpy as np
 from bundle_files import Bundle, array_of
 from command_line import parsed, parser
 from first_look import bundle_of
+from gained import under_gains
 from ladder import REFERENCES, Attempt, climb, kept, rows_of, say, see_to, versions
 from references import check_biases, check_queries, compare, fewest, first_places
 from refusals import Refused, interrupt
@@ -96,32 +97,46 @@ class Host:
         yield self.attempt
 
 
-def load_queries(folder: str, inputs: int, neurons: int) -> Arrays:
-    """The queries in a folder.
+def load_array(folder: str, name: str) -> np.ndarray:
+    """An array of the queries in a folder.
 
     Raises:
-        Refused: they cannot be read or do not fit the network.
+        Refused: it cannot be read.
     """
-    arrays = {}
-    biased = os.path.exists(os.path.join(folder, "biases.npy"))
-    for name in ("rates", "keys", "biases", "exponents")[: 4 if biased else 2]:
-        path = os.path.join(folder, name + ".npy")
-        try:
-            with open(path, "rb") as file:
-                arrays[name] = array_of(file.read())
-        except OSError as error:
-            raise Refused("input", f"{path}: cannot be read ({error.strerror}); write the queries there") from None
-        except ValueError:
-            raise Refused("input", f"{path}: is no array; write it with numpy.save") from None
+    path = os.path.join(folder, name + ".npy")
+    try:
+        with open(path, "rb") as file:
+            return np.asarray(array_of(file.read()))
+    except OSError as error:
+        raise Refused("input", f"{path}: cannot be read ({error.strerror}); write the queries there") from None
+    except ValueError:
+        raise Refused("input", f"{path}: is no array; write it with numpy.save") from None
+
+
+def load_queries(bundle: Bundle, folder: str, inputs: int, neurons: int) -> Arrays:
+    """The queries in a folder; where it has their activity, under the gains of the bundle's table.
+
+    Raises:
+        Refused: they cannot be read, do not fit the network, or are not those of the table.
+    """
+    there = [name for name in ("activity", "rates", "biases") if os.path.exists(os.path.join(folder, name + ".npy"))]
+    if there[:1] == ["activity"]:
+        if len(there) > 1:
+            remedy = "leave out activity.npy, or all else"
+            raise Refused("input", f"{folder}: has activity.npy, of which gains make {there[1]}.npy, too; {remedy}")
+        arrays = under_gains(bundle, load_array(folder, "activity"), folder)
+    else:
+        names = ("rates", "keys", "biases", "exponents")[: 4 if "biases" in there else 2]
+        arrays = {name: load_array(folder, name) for name in names}
     check_queries(arrays["rates"], arrays["keys"], inputs, folder)
-    if biased:
+    if "biases" in arrays:
         check_biases(arrays["biases"], arrays["exponents"], (len(arrays["keys"]), neurons), folder)
     return arrays
 
 
 def answer(host: Host) -> str:
     """Present the queries of a folder; what was done."""
-    arrays = load_queries(host.options.queries, host.inputs, host.neurons)
+    arrays = load_queries(host.bundle, host.options.queries, host.inputs, host.neurons)
     n = len(arrays["keys"])
     host.present(arrays, Results(n, host.neurons, host.options.out))
     return f"{n} of {n} queries answered"

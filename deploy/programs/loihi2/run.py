@@ -7,7 +7,8 @@
     python run.py --queries Q --out R        Q/rates.npy uint16 (n, inputs) in units of 2^-16 spikes a step and
                                              Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out;
                                              if there are, Q/biases.npy int32 (n, neurons) and Q/exponents.npy int32
-                                             (n,): mantissas and exponent of each query's biases
+                                             (n,): mantissas and exponent of each query's biases; or, of a bundle with
+                                             gains, Q/activity.npy float32 (n, inputs) alone, of the same images
     .. --ways W,W                            other ways to ask Lava, which --ladder finds and names (LAVA_VPR_WAYS)
     .. --power P                             and P, JSON: power in mW and time, all queries in one run
 

@@ -1,4 +1,4 @@
-"""Answers that teach on a drive of a few images. Used by backends, bench and cli."""
+"""Answers that teach on a drive of a few images. Used by backends, bench, cli and deploy."""
 
 from __future__ import annotations
 
