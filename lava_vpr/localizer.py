@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from lava_vpr import maps, model as model_file
 from lava_vpr.backends.asking import MODELS, Asker, Asking, calibration_of, open_model, summed
 from lava_vpr.backends.interface import HostBackend
-from lava_vpr.backends.season import load as load_season, save as save_season
 from lava_vpr.encoding import Keep, encode_arrays, encode_views, image_traverse
 from lava_vpr.engine.adaptation import Motion
 from lava_vpr.engine.gains import Season
@@ -28,6 +27,7 @@ from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.probability import HALF
 from lava_vpr.model import Model, prepare
 from lava_vpr.positions.frames import Positions
+from lava_vpr.season.file import load as load_season, save as save_season
 from lava_vpr.settings.arguments import check_arguments
 from lava_vpr.traverse import open_traverse
 

@@ -21,7 +21,6 @@ from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.adaptation import Adaptation, Motion
 from lava_vpr.engine.gains import Season
-from lava_vpr.gaintable import Used
 from lava_vpr.matching import sequences
 from lava_vpr.matching.answers import Answers, Followed, Held, InBlocks, Together, follow, hold
 from lava_vpr.matching.decoders import DECODERS
@@ -30,6 +29,7 @@ from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.probability import HALF, Calibration
 from lava_vpr.matching.trust import Trust, trust
 from lava_vpr.model import Model, integer_model
+from lava_vpr.season.table import Used
 from lava_vpr.storage.arrays import narrow
 from lava_vpr.truth.alignment import PositionErrors
 

@@ -24,9 +24,9 @@ from lava_vpr.deploy.hardware.loihi_2 import RESET_SHOWN
 from lava_vpr.deploy.hardware.table import relied_on
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.engine.presentations import cores
-from lava_vpr.gaintable import GainTable
 from lava_vpr.loihi import WEIGHT_BITS
 from lava_vpr.model import Model, checked_content, integer_model
+from lava_vpr.season.table import GainTable
 from lava_vpr.training.measuring import expected_rates, reference_responses
 
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle
 from lava_vpr.errors import BundleError, ConfigError
-from lava_vpr.gaintable import GainTable, packed, unpacked
 from lava_vpr.model import Model, integer_model
+from lava_vpr.season.table import GainTable, packed, unpacked
 
 TABLE, FACTS = "host/gains.lvpg", "gains"
 """The table's file in the bundle, and the manifest's key of what belongs to it."""

@@ -13,19 +13,19 @@ from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import PLAINLY, Asker, Asking, calibration_of, summed
 from lava_vpr.backends.interface import Advance, Backend, HostBackend, Presentations
 from lava_vpr.backends.registry import BACKENDS
-from lava_vpr.backends.season import unlearned
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, Keep, encoded_batches
 from lava_vpr.engine.adaptation import Motion
 from lava_vpr.engine.gains import Season
 from lava_vpr.framing import NO_CROP
-from lava_vpr.gaintable import Used
 from lava_vpr.inputs.doubts import Doubts, Sign, signs_of
 from lava_vpr.matches import likeness_of
 from lava_vpr.matching import sequences
 from lava_vpr.matching.answers import ALONE, Answerer, Answers, Together
 from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.model import Model, integer_model, prepare
+from lava_vpr.season.file import unlearned
+from lava_vpr.season.table import Used
 from lava_vpr.traverse import Traverse
 
 BATCH = 256

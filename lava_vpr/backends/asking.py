@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from lava_vpr import model as model_file
 from lava_vpr.backends.interface import Presentations, query_presentations
 from lava_vpr.backends.replaying import Replayer
-from lava_vpr.backends.season import check_season
 from lava_vpr.backends.teaching import Learner
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.config import LifNetwork
@@ -25,7 +24,6 @@ from lava_vpr.engine.gains import Season
 from lava_vpr.engine.random import image_keys
 from lava_vpr.errors import ConfigError
 from lava_vpr.framing import NO_CROP, OfQueries, check_crop
-from lava_vpr.gaintable import GainTable, Used
 from lava_vpr.inputs.doubts import Sign
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.inputs.views import View, ViewsConfig
@@ -33,6 +31,8 @@ from lava_vpr.matching.answers import Answers, Together
 from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.probability import Calibration
 from lava_vpr.model import Model, as_integer, integer_model
+from lava_vpr.season.file import check_season
+from lava_vpr.season.table import GainTable, Used
 
 MODELS, OFF = "model", "off"
 """In place of a time constant: that of the model's settings, for who tracks a robot; and none."""

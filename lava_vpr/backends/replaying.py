@@ -1,4 +1,4 @@
-"""Queries presented as a gain table says (`lava_vpr.gaintable`), in place of what answers before would teach."""
+"""Queries presented as a gain table says (`lava_vpr.season.table`), in place of what answers before would teach."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from lava_vpr.backends.teaching import under_gains
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.random import image_keys
 from lava_vpr.errors import InputError
-from lava_vpr.gaintable import GainTable
 from lava_vpr.model import IntegerModel
+from lava_vpr.season.table import GainTable
 
 
 class Replayer:

@@ -31,8 +31,8 @@ from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import shown
 from lava_vpr.experiments.calibration import Calibration, calibrated, figures, search
-from lava_vpr.gaintable import load as load_table
 from lava_vpr.model import Model, integer_model
+from lava_vpr.season.table import load as load_table
 from lava_vpr.show.numbers import percent
 from lava_vpr.show.table import Table
 from lava_vpr.truth.alignment import aligned_truth

@@ -12,15 +12,15 @@ import click
 
 from lava_vpr.backends.asking import MODELS, OFF, Asking, open_model
 from lava_vpr.backends.registry import BACKENDS
-from lava_vpr.backends.season import load as load_season
 from lava_vpr.cli.common import PATH, F, Number, Parsed, RegisteredName, noun, seed_type, several
 from lava_vpr.cli.outputs import Outputs, show_results
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.datasets.selecting import Benchmark
 from lava_vpr.errors import InputError, UnreadableError, brief, shown
 from lava_vpr.framing import CROPS, NO_CROP
-from lava_vpr.gaintable import GainTable, Used, load as load_table, save as save_table
 from lava_vpr.model import Model, integer_model
+from lava_vpr.season.file import load as load_season
+from lava_vpr.season.table import GainTable, Used, load as load_table, save as save_table
 from lava_vpr.show.table import FORMS, Table
 
 MODEL_SUFFIX = ".lvpr"

@@ -10,7 +10,6 @@ import click
 from lava_vpr import model as model_file
 from lava_vpr.backends.answering import paired
 from lava_vpr.backends.asking import Asking
-from lava_vpr.backends.season import save as save_season
 from lava_vpr.cli.choose import reference_positions_options
 from lava_vpr.cli.common import (
     PATH,
@@ -35,6 +34,7 @@ from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.learning.route import Training
 from lava_vpr.model import Model
+from lava_vpr.season.file import save as save_season
 from lava_vpr.show.numbers import counted
 from lava_vpr.storage.writing import only_one
 from lava_vpr.training.checkpoint import remove_checkpoint

@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 from support.common.commands import content, fails, figures, images, listed, matches, run
 from support.common.teaching import teach_quickly
 
-from lava_vpr import gaintable, load
+from lava_vpr import load
 from lava_vpr.backends.answering import Answered, answer_stream
 from lava_vpr.backends.asking import Asking
-from lava_vpr.backends.season import unlearned
 from lava_vpr.deploy.boards.board import LOIHI_2
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.engine.gains import FULL
-from lava_vpr.gaintable import GainTable
 from lava_vpr.matching.answers import Together
 from lava_vpr.model import integer_model
+from lava_vpr.season import table as gain_table
+from lava_vpr.season.file import unlearned
+from lava_vpr.season.table import GainTable
 from lava_vpr.storage import container
 from lava_vpr.traverse import open_traverse
 
@@ -52,7 +53,7 @@ def counts(parts: list[Answered]) -> NDArray[np.int32]:
 
 
 def test_the_table_is_what_was_used(table: Path) -> None:
-    learned, known = drive(LEARNING), gaintable.load(table)
+    learned, known = drive(LEARNING), gain_table.load(table)
     used = [part.used for part in learned if part.used is not None]
     assert len(used) == len(learned) > 2
     assert known.epoch.tolist() == sorted(known.epoch.tolist())
@@ -73,7 +74,7 @@ def test_the_host_replays_to_the_same_bytes(table: Path) -> None:
     run("query", "m.lvpr", "query", "--learn", "--motion", "any", "-o", "q.csv", "--gains", "h.lvpg")
     assert Path("h.lvpg").read_bytes() == table.read_bytes()
     learned = counts(drive(LEARNING))
-    assert np.array_equal(counts(drive(Asking(replay=gaintable.load(table)))), learned)
+    assert np.array_equal(counts(drive(Asking(replay=gain_table.load(table)))), learned)
     assert (learned != counts(drive(Asking(adapt=30)))).any()
 
 
@@ -82,13 +83,13 @@ def test_the_host_replays_to_the_same_bytes(table: Path) -> None:
     "backend", ["bundle", *(pytest.param(name, marks=pytest.mark.slow) for name in ("lava-fixed", "lava-fused"))]
 )
 def test_every_backend_replays_to_the_same_counts(table: Path, backend: str) -> None:
-    replayed = drive(Asking(replay=gaintable.load(table)), backend)
+    replayed = drive(Asking(replay=gain_table.load(table)), backend)
     assert np.array_equal(counts(replayed), counts(drive(LEARNING)))
 
 
 def test_a_board_s_folder_replays_what_its_model_learned(table: Path) -> None:
     deploy(load("m.lvpr"), LOIHI_2, Path("b"), picture=False)
-    replayed = drive(Asking(replay=gaintable.load(table)), "bundle", "b")
+    replayed = drive(Asking(replay=gain_table.load(table)), "bundle", "b")
     assert np.array_equal(counts(replayed), counts(drive(LEARNING)))
 
 

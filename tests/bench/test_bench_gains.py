@@ -11,12 +11,13 @@ import pytest
 from support.common.commands import PLACES, content, fails, images, listed, run
 from support.common.teaching import teach_quickly
 
-from lava_vpr import gaintable, load
-from lava_vpr.backends.season import save, unlearned
+from lava_vpr import load
 from lava_vpr.bench import run as stages
 from lava_vpr.bench.results import Measured
 from lava_vpr.engine.gains import FULL
 from lava_vpr.model import integer_model
+from lava_vpr.season import table as gain_table
+from lava_vpr.season.file import save, unlearned
 
 
 @pytest.fixture
@@ -37,7 +38,7 @@ def written(*words: object) -> tuple[dict[str, Any], str]:
 @pytest.mark.parametrize("views", [1, 3])
 def test_a_replay_counts_products_of_the_host_and_registers_of_the_board(table: Path, views: int) -> None:
     values, text = written("--replay", table, "--query-views", views)
-    model, known = integer_model(load("m.lvpr"), "a test"), gaintable.load(table)
+    model, known = integer_model(load("m.lvpr"), "a test"), gain_table.load(table)
     inputs = model.config.encoder.inputs
     multiplied = [inputs if (known.gains[k] < FULL).any() else 0 for k in known.epoch]
     assert 0 < sum(multiplied) < 8 * inputs

@@ -16,7 +16,7 @@ from support.common.imagefiles import write_images
 from support.common.teaching import teach_quickly
 
 from lava_vpr import Localizer, load, localizer
-from lava_vpr.backends import answering, season as season_file
+from lava_vpr.backends import answering
 from lava_vpr.backends.answering import answer_stream
 from lava_vpr.backends.asking import Asking
 from lava_vpr.cli import main
@@ -26,6 +26,7 @@ from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.images.imagefiles import read_image
 from lava_vpr.matching.answers import Together
 from lava_vpr.report.season import Trusted, gains_table, section
+from lava_vpr.season import file as season_file
 from lava_vpr.storage import container
 from lava_vpr.traverse import open_traverse
 

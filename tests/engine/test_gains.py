@@ -11,13 +11,13 @@ from support.common.small_models import encoded, small_model
 from support.literal.season import Drive, Told
 
 from lava_vpr.backends.asking import Asker, Asking
-from lava_vpr.backends.season import unlearned
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine import gains
 from lava_vpr.engine.gains import FULL, Reference, Season, gains_of, weighed
 from lava_vpr.inputs.doubts import Sign
 from lava_vpr.matching.answers import Answers
 from lava_vpr.model import integer_model
+from lava_vpr.season.file import unlearned
 
 TAU, QUERIES = 7.0, 40
 NOTHING = [Sign()] * 60

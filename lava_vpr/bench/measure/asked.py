@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.interface import HostBackend, Presentations
-from lava_vpr.backends.season import unlearned
 from lava_vpr.backends.teaching import Learner
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import AskedOn, GainsCost, QueryVariants
@@ -33,9 +32,10 @@ from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.engine.gains import FULL
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import cores
-from lava_vpr.gaintable import GainTable
 from lava_vpr.model import IntegerModel, as_integer
 from lava_vpr.recognition import Comparison, recognise
+from lava_vpr.season.file import unlearned
+from lava_vpr.season.table import GainTable
 
 TIMED = 20
 """Queries whose biases and gains are timed, at most."""

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from lava_vpr import model as model_file
 from lava_vpr.backends.asking import open_model
-from lava_vpr.backends.season import check_season, load, save, unlearned
 from lava_vpr.cli.common import PATH, stage
 from lava_vpr.cli.outputs import Outputs, file_writer, show_results
 from lava_vpr.deploy.bundle.compression import under_gains
@@ -18,6 +17,7 @@ from lava_vpr.engine.presentations import cores
 from lava_vpr.model import Model, integer_model
 from lava_vpr.report.images import as_png
 from lava_vpr.report.season import gains_table, trusted
+from lava_vpr.season.file import check_season, load, save, unlearned
 
 applied_option = click.option(
     "--season",

@@ -17,7 +17,7 @@ from support.boards import host_programs
 from support.common.commands import content, fails, run
 from support.common.teaching import teach_quickly
 
-from lava_vpr import gaintable, load
+from lava_vpr import load
 from lava_vpr.backends.asking import Asker, Asking
 from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.deploy.boards.board import BOARDS
@@ -31,8 +31,9 @@ from lava_vpr.engine.gains import FULL
 from lava_vpr.engine.inference.biases import bias_registers, held_biases
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import BundleError, LavaVprError, ModelFileError
-from lava_vpr.gaintable import GainTable, Used, packed
 from lava_vpr.model import IntegerModel, integer_model
+from lava_vpr.season import table as gain_table
+from lava_vpr.season.table import GainTable, Used, packed
 from lava_vpr.traverse import open_traverse
 
 QUERIES = 6
@@ -45,12 +46,12 @@ def queries_of(model: IntegerModel) -> EncodedTraverse:
 
 
 def table_of(model: IntegerModel) -> GainTable:
-    """A table of three epochs, the first with all gains full, and biases of every size."""
+    """A table of three epochs, the first with all gains full, the last with none 0, and biases of every size."""
     rng, inputs = np.random.default_rng(SEED), model.config.encoder.inputs
     shown = Asker(model).presentations((queries_of(model),))
     bias = held_biases(rng.integers(-200, model.network.highest_bias + 1, (QUERIES, model.neurons)))
     bias[1] = held_biases(bias[1] - 70_000)
-    gains = [np.full(inputs, FULL), *rng.integers(0, FULL + 1, (2, inputs))]
+    gains = [np.full(inputs, FULL), rng.integers(0, FULL + 1, inputs), rng.integers(1, FULL + 1, inputs)]
     parts = [slice(0, 2), slice(2, 5), slice(5, QUERIES)]
     images = image_keys(shown.rates)
     used = [Used(own.astype(np.uint8), bias[k], images[k]) for own, k in zip(gains, parts, strict=True)]
@@ -191,7 +192,7 @@ def with_table(**values: Any) -> Callable[[dict[str, Any], dict[str, bytes]], ob
     """A change of the table."""
 
     def change(manifest: dict[str, Any], files: dict[str, bytes]) -> None:
-        table = replace(gaintable.unpacked(files[TABLE], Path("b") / TABLE), **values)
+        table = replace(gain_table.unpacked(files[TABLE], Path("b") / TABLE), **values)
         files[TABLE] = packed(table)
 
     return change
@@ -222,7 +223,7 @@ def test_a_table_that_does_not_belong_is_refused(model: IntegerModel, name: str)
 
 
 def test_deploy_refuses_what_the_board_cannot_replay(model: IntegerModel) -> None:
-    gaintable.save(table_of(model), Path("g.lvpg"))
+    gain_table.save(table_of(model), Path("g.lvpg"))
     run("remove", "m.lvpr", "7", "-o", "n.lvpr")
     Path("no.lvpg").write_bytes(Path("g.lvpg").read_bytes()[:-9])
     before = content(Path())

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from lava_vpr import __version__
 from lava_vpr.engine.gains import FULL, MARGINS, RECENT, Season
 from lava_vpr.errors import ConfigError, ModelFileError, shown
-from lava_vpr.gaintable import inputs_of
 from lava_vpr.model import IntegerModel
 from lava_vpr.modelfile import count
+from lava_vpr.season.table import inputs_of
 from lava_vpr.storage import container
 from lava_vpr.storage.arrays import ArrayRule, UnfitError, check_arrays, check_keys
 

@@ -1,0 +1,1 @@
+"""What was learned of a season, apart from the model, as files: it, and what a drive was presented with."""
