@@ -129,7 +129,7 @@ def over() -> None:
 
 @contextmanager
 def minded() -> Iterator[None]:
-    """Let what a signal was turned into be that signal again.
+    """Raise again a stop signal that a library has swallowed.
 
     A class that is being made, and the import of a compiled module, raise an exception of their own in place of ours.
     """

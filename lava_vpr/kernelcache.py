@@ -74,7 +74,7 @@ def _users(variable: str, name: str) -> bool:
 def prepare() -> None:
     """Drop stale kernels; give numba and matplotlib `own_folder` where they can write neither here nor at home.
 
-    Neither must take a home that is not there for a folder of the name ~ right here, nor speak of it.
+    Without a home directory, neither may create a folder named ``~`` here, nor warn about it.
     """
     drop_stale()
     cache, config = _users("XDG_CACHE_HOME", ".cache"), _users("XDG_CONFIG_HOME", ".config")

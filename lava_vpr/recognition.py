@@ -59,7 +59,7 @@ class Recognition:
         single: Each query's answer by itself, without adaptation, if queries are not matched in sequences.
         filtered: Its answer by the filter, if a motion was given.
         trust: How far the probabilities of both can be trusted, by `SINGLE` and `FILTERED`, as far as there are any.
-        contradiction: What speaks against matching in sequences, if that was asked for and the queries do.
+        contradiction: Why sequence matching does not suit these queries; None if it does, or is off.
         counts: Spike counts of all queries, int32 (queries, neurons).
         events: Counted events, summed over all queries.
     """

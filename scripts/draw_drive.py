@@ -3,7 +3,7 @@
 python scripts/draw_drive.py [FILE]
 
 Everything in it is computed: the synthetic world draws the images, `lava_vpr.train` learns the summer, and a
-`lava_vpr.Localizer` answers each winter image from the images so far. The robot stops once, and is carried off once.
+`lava_vpr.Localizer` answers each winter image from the images so far. The robot stops once, and is kidnapped once.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Write the parts of README and docs that records and code decide; a test sees that they are up to date.
+"""Write the parts of README and docs that records and code decide, and wrap long lines of prose (`scripts.wrapping`); a
+test sees that they are up to date.
 
     python -m scripts.pages [--check]       --check says as an exit code whether they are, and names the pages
 
@@ -15,14 +16,16 @@ from pathlib import Path
 from lava_vpr.errors import InputError
 from lava_vpr.storage.writing import write_atomically
 from scripts.parts import PARTS
+from scripts.wrapping import wrapped
 
 ROOT = Path(__file__).resolve().parents[1]
 PART = re.compile(r"(<!-- (\w+)/([\w-]+): written by make pages -->\n)(.*?)(<!-- end of (\w+/[\w-]+) -->)", re.DOTALL)
 
 
 def pages() -> list[Path]:
-    """README and the pages of docs."""
-    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+    """README, the pages of docs, and other pages for people."""
+    others = [ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "examples/README.md")]
+    return [*others, *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def filled(page: str, path: Path) -> str:
@@ -59,7 +62,7 @@ def bring_up_to_date(check: bool = False) -> list[Path]:
     texts = {path: path.read_text(encoding="utf-8") for path in pages()}
     if lost := absent(texts):
         raise InputError(f"no page has the marks of {', '.join(lost)}; put them back, or remove what is not shown")
-    changed = {path: new for path, text in texts.items() if (new := filled(text, path)) != text}
+    changed = {path: new for path, text in texts.items() if (new := wrapped(filled(text, path))) != text}
     for path, new in () if check else changed.items():
         write_atomically(path, lambda out, new=new: out.write(new.encode()))  # type: ignore[misc]
     return sorted(changed)

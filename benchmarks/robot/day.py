@@ -225,7 +225,7 @@ def drive_cells(all_seeds: Sequence[DrivenMap]) -> dict[str, list[str]]:
     return cells | {
         "accepted alone": ["", "", percent(float(single)), "", ""],
         "at rest from the first image: accepted alone / filtered": ["", "", f"{alone_rest} / {rest}", "", plain_rest],
-        f"carried off: found again within {AFTER} images": [
+        f"kidnapped: found again within {AFTER} images": [
             "",
             percent(float(np.mean(again))),
             "",

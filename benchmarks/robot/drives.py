@@ -33,7 +33,7 @@ SPEEDS = {
 EVERY, STOP = 50, 30
 """A stop of so many frames after so many places."""
 BEFORE, AFTER = 25, 10
-"""Frames before a robot is carried off, and after."""
+"""Frames before a robot is kidnapped, and after."""
 REST, RESTING = 96, 20
 """Places at which a robot is switched on, and frames that it stands there."""
 NOISE, SIZE = 6.0, (640, 320)

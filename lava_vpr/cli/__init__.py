@@ -19,15 +19,15 @@ COMMANDS = {
     "remove": ("lava_vpr.cli.models.commands", "remove", "Take places out of a model."),
     "merge": ("lava_vpr.cli.models.commands", "merge", "Join models into one."),
     "eval": ("lava_vpr.cli.evaluate", "evaluate", "Recognise images of known places: recall, precision, baselines."),
-    "query": ("lava_vpr.cli.query", "query", "Say which place each image shows."),
-    "watch": ("lava_vpr.cli.watch", "watch", "Say where a robot is, image by image as they come."),
+    "query": ("lava_vpr.cli.query", "query", "Report which place each image shows."),
+    "watch": ("lava_vpr.cli.watch", "watch", "Report where a robot is, image by image."),
     "season": (
         "lava_vpr.cli.models.season",
         "season",
-        "Say what was learned of a season; draw, keep, apply or forget it.",
+        "Describe, draw, save, apply or forget a learned season.",
     ),
     "verify": ("lava_vpr.cli.verify", "verify", "Compare every spike on every backend."),
-    "fit": ("lava_vpr.cli.fit", "fit", "Say what fits on a board, and what each core holds."),
+    "fit": ("lava_vpr.cli.fit", "fit", "Report what fits on a board, and what each core holds."),
     "deploy": ("lava_vpr.cli.deploy", "deploy", "Write all that a board needs to run a model."),
     "export": (
         "lava_vpr.cli.models.commands",
@@ -35,19 +35,19 @@ COMMANDS = {
         "Write a model's network in a format that other programs read.",
     ),
     "import": ("lava_vpr.cli.models.commands", "import_model", "Make a model of a network in another format."),
-    "bench": ("lava_vpr.cli.bench", "bench", "Say what a query costs: recall, time, memory, energy."),
+    "bench": ("lava_vpr.cli.bench", "bench", "Measure what a query costs: recall, time, memory, energy."),
     "datasets": (
         "lava_vpr.cli.published.datasets",
         "datasets",
-        "Say what the benchmark datasets are, and check one.",
+        "Describe the benchmark datasets, and check one.",
     ),
-    "study": ("lava_vpr.cli.study", "study", "Say what one thing does to recall and cost, with several seeds."),
+    "study": ("lava_vpr.cli.study", "study", "Measure what one setting does to recall and cost, with several seeds."),
     "paper-table": (
         "lava_vpr.cli.published.paper_table",
         "paper_table",
         "Compute the paper's table anew, beside the printed one.",
     ),
-    "doctor": ("lava_vpr.cli.doctor", "doctor", "Say what is installed and what can run."),
+    "doctor": ("lava_vpr.cli.doctor", "doctor", "Report what is installed and what can run."),
 }
 
 

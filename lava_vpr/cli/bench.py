@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -86,11 +87,11 @@ def bench(
     address: str | None,
     results: WrittenFiles,
 ) -> None:
-    """Say what it costs MODEL to recognise an image of QUERY: recall first, then time and memory measured here, then
-    energy and time modelled for the boards.
+    """Measure what a query costs: recall of QUERY by MODEL, time and memory on this machine, then modelled time and
+    energy on each board.
 
-    Which places are correct is told as to eval: without --gt or positions, query i shows place i. What this machine
-    lacks (a board, energy counters) is said, and the rest is told.
+    The correct places are given as for eval: without --gt or positions, query i shows place i. What this machine
+    lacks (a board, energy counters) is named, and the rest is printed.
     """
     if address is not None and not request.sweep:
         raise click.UsageError("--cluster shares the points of --sweep; all else measures this machine: add --sweep")
@@ -111,12 +112,9 @@ def bench(
     queries, *further = encode_queries(traverse, model, request.asking, kept)
     calibration = calibration_of(model, Pool(cores()))
     request = replace(request, calibration=calibration, located=located, near=truth.near)
+    costs = partial(recall_and_costs, model, traverse, queries, correct, further=further, command=command_line(ctx))
     with pool_at(address) as pool, one_bar() as begin:
-        request = replace(request, pool=pool)
-        words = command_line(ctx)
-        found = recall_and_costs(
-            model, traverse, queries, correct, request, further=further, command=words, begin=begin
-        )
+        found = costs(replace(request, pool=pool), begin=begin)
     _tell(found, results, page)
 
 

@@ -170,7 +170,7 @@ precision_option = click.option(
     type=Number(min=0.01, max=0.9999),
     default=None,
     metavar="P",
-    help=f"Accept matches so probable that this share of the accepted is right (default: {PRECISION}).",
+    help=f"Accept matches above the probability at which this share of the accepted is correct (default: {PRECISION}).",
 )
 off_map_option = click.option(
     "--off-map",

@@ -147,22 +147,19 @@ def deploy(
     compressed = _compressed(model, board, changes, calibration, images.max_loss)
     if table is not None:
         table.check(integer_model(compressed.model, "--replay"))
-    with stage(f"placing {compressed.model.neurons:,} neurons, and writing the bundle"):
-        deployed = write_bundle(
-            compressed.model,
-            board,
-            output,
-            compression=compressed.as_json(),
-            measured=not compressed.unchanged,
-            dense_rows=dense_rows,
-            learning=learning,
-            gains=table,
-        )
+    deployed = _written(compressed, board, output, dense_rows=dense_rows, learning=learning, gains=table)
     learned = _learned(model, calibration) if learning and calibration is not None else None
     compared = [] if compressed.before is None else [_figures(compressed, learned)]
     said = placed(deployed.plan, compressed.notes, unproven(deployed.plan, learning=learning))
     values = _values(model, compressed, deployed, learned)
     show_results([*compared, *said, f"bundle: {shown(output)}"], {json_path: values})
+
+
+def _written(compressed: Compressed, board: Board, output: Path, **options: Any) -> Deployed:
+    """The bundle of a model, written to the folder ``output``."""
+    with stage(f"placing {compressed.model.neurons:,} neurons, and writing the bundle"):
+        found, measured = compressed.as_json(), not compressed.unchanged
+        return write_bundle(compressed.model, board, output, compression=found, measured=measured, **options)
 
 
 def _check_learning(board: Board, learning: bool) -> None:

@@ -66,7 +66,7 @@ def _missing(row: BackendRow) -> str | None:
 
 
 def _show_plugins() -> None:
-    """Say which rows other packages bring, and why one cannot be used."""
+    """List the rows that other packages bring, and why one cannot be used."""
     rows = [
         (registry.kind, plugin.name, plugin.package, plugin.version, reason or "yes")
         for registry in PLUGGED
@@ -90,7 +90,7 @@ def _print(
 
 @click.command()
 def doctor() -> None:
-    """Say what is installed, what each optional part is for, and which backends can run."""
+    """Report what is installed, what each optional part is for, and which backends can run."""
     console.print(
         f"lava-vpr {__version__}, Python {platform.python_version()}, {platform.machine()}, {cores()} processors",
     )

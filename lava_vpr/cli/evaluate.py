@@ -77,8 +77,8 @@ from lava_vpr.truth.alignment import PositionErrors
     default=1,
     show_default=True,
     metavar="N",
-    help="Ask with N seeds of the spikes' noise, from --seed on, and print means, least and most, too. "
-    "(lava-vpr study seeds: several models.)",
+    help="Ask with N seeds of the spikes' noise, from --seed on, and print means, least and most, too; "
+    "several models: lava-vpr study seeds.",
 )
 @motion_option("any")
 @off_map_option
@@ -110,26 +110,22 @@ def evaluate(
         raise click.UsageError(f"--cluster runs the backend host, not {backend}; leave one of the two out")
     route = benchmark.recognised(asked.query, asked.every, places=asked.places, skip_unreadable=skip_unreadable)
     read = (*truth.files, *(compared.descriptors or ()), *learning.files)
-    outputs, page = results.outputs(
-        "report.html", learning.gains, read=read, model=asked.model_path, images=route.sources
-    )
+    inputs = {"read": read, "model": asked.model_path, "images": route.sources}
+    outputs, page = results.outputs("report.html", learning.gains, **inputs)
     compared = replace(compared, asking=learning.of(compared.asking))
     model = asked.model(compared.asking)
     backends.require(backend, model)
     truth = truth.for_route(route)
     traverse, located, correct = truth.open(model, route, asked.places, outputs, skip_unreadable)
     compared = replace(compared, motion=_motion(ctx, compared, route, correct))
-    first = model.config.seed if seed is None else seed
-    asked_with = range(first, first + seeds)
+    asked_with = range(first := model.config.seed if seed is None else seed, first + seeds)
     queries, found = _recognised(model, traverse, correct, compared, results.drawn, address, backend, asked_with)
-    result = found[0]
-    learning.keep(model, result.used)
+    learning.keep(model, (result := found[0]).used)
     errors = None if located is None else PositionErrors(located, located.errors(result.matches), truth.near)
     values = {**_named(asked, route), **as_json(model, result, errors)}
-    if seeds > 1:
-        values["seeds"] = seeds_as_json(asked_with, found)
-    drawn = partial(_page, ctx, model, queries, result, errors)
-    results.show(_said(model, found, errors, compared), values, page, drawn)
+    values |= {"seeds": seeds_as_json(asked_with, found)} if seeds > 1 else {}
+    said = _said(model, found, errors, compared)
+    results.show(said, values, page, partial(_page, ctx, model, queries, result, errors))
 
 
 def _recognised(

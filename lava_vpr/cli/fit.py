@@ -67,7 +67,7 @@ def fit(
     picture: Path | None,
     json_path: Path | None,
 ) -> list[Table]:
-    """Say whether MODEL fits a board, and what each core holds; without MODEL, the largest map that fits."""
+    """Report whether MODEL fits a board, and what each core holds; without MODEL, the largest map that fits."""
     without = "is for fit without MODEL; a model has its neurons"
     for wrong, why in (
         (model and neurons_per_place is not None, f"--neurons-per-place {without}"),

@@ -45,7 +45,7 @@ class OneSource(click.Command):
         rest = super().parse_args(ctx, args)
         if rest and not ctx.resilient_parsing:
             ctx.fail(
-                f"{brief(rest[0])} is one argument too many ({len(rest)} are); give the folder instead of the images "
+                f"unexpected argument {brief(rest[0])} ({len(rest)} too many); give the folder instead of the images "
                 "in it, or a list of them"
             )
         return rest

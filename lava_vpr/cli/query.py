@@ -136,7 +136,7 @@ def query(
     seed: int | None,
     where: WhereOptions,
 ) -> None:
-    """Say for each of IMAGES (a folder, list, video or single image) which place it shows.
+    """Report which place each of IMAGES (a folder, list, video or single image) shows.
 
     Places are given by their index and file name in the reference traverse; -1 is no match. A match stands there even
     if it is not accepted. Where positions and times are known, columns follow with those of the matched place (x, y or
@@ -147,11 +147,7 @@ def query(
     model, asking = _asked(model_at(model_path, images), learning.of(asking), motion, where, backend)
     whole = open_traverse(images, every=every, events=model.config.events)
     outputs.spare(whole.paths)
-    traverse = whole.between(*places) if places else whole
-    if skip_unreadable:
-        with stage(f"looking for images of {images} that cannot be read"):
-            (traverse,) = readable([traverse], [where.positions])
-    traverse = where.of(traverse, len(whole))
+    traverse = where.of(_chosen(whole, places, skip_unreadable, where), len(whole))
     _check_length(traverse, images, sequence)
     table = MatchTable.of(model, traverse, writing.top, chances=motion != NONE)
     together = Together(sequence, motion, _calibration(model, asking), accepting.off_map)
@@ -162,9 +158,23 @@ def query(
         how = partial(answer, threads=cores(), pace=pace, keep=writing.keep)
         stream = _noted(how(at_once=writing.lines, read=read, advance=advance), model, learning)
         recognised = _write(model, traverse, stream, table, together, writing, accepting)
+    _warn(pace, sequence)
+    writing.conclude(len(traverse), recognised)
+
+
+def _warn(pace: Pace | None, sequence: int) -> None:
+    """Say why sequences do not suit the queries, if they do not."""
     if pace is not None and (contradiction := pace.contradiction(sequence)) is not None:
         stderr.print(f"warning: {contradiction}")
-    writing.conclude(len(traverse), recognised)
+
+
+def _chosen(whole: Traverse, places: tuple[int, int] | None, skip: bool, where: WhereOptions) -> Traverse:
+    """The images that are asked; without those that cannot be read, if these are to be skipped."""
+    traverse = whole.between(*places) if places else whole
+    if not skip:
+        return traverse
+    with stage(f"looking for images of {whole.source} that cannot be read"):
+        return readable([traverse], [where.positions])[0]
 
 
 def _noted(stream: Iterator[Answered], model: Model, learning: Learning) -> Iterator[Answered]:

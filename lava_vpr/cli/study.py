@@ -77,7 +77,7 @@ def study(
     results: WrittenFiles,
     **images: Any,
 ) -> list[Table]:
-    """Say what one thing does to recall and cost: learn and ask the same images again and again, with several seeds.
+    """Measure what one setting does to recall and cost: learn and query the same images repeatedly, with several seeds.
 
     STUDY is one of: places, neurons, weighting (the steps of the paper's weighted decoder), bits, steps, seeds (noise),
     hyperactive (modules without hyperactive neurons), ensemble. Everything is learned from REFERENCE, one traverse or

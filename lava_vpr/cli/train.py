@@ -52,7 +52,7 @@ from lava_vpr.truth.alignment import shown_places
     default=None,
     help="loihi: integer network for the chip (default); balanced, fast: the same with half and a quarter of the "
     "steps, and less energy; accurate: the same with finer orientations and contrast to a place's surroundings, "
-    "and more memory; paper: VPRSNN's conductance model, as coded but that every presentation "
+    "and more memory; paper: VPRSNN's conductance model as released, except that each presentation "
     "starts from rest, delays are kept for testing, and spikes of the rest are not carried over.",
 )
 @click.option("--config", type=PATH, default=None, metavar="FILE", help="Settings in TOML.")

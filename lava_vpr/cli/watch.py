@@ -83,14 +83,14 @@ def watch(
     stop_after: int | None,
     seed: int | None,
 ) -> None:
-    """Say of each image of SOURCE, as it comes, which place of MODEL it shows: a line of JSON on standard output.
+    """Report which place of MODEL each image of SOURCE shows, as it comes: a line of JSON on standard output.
 
     SOURCE is a folder that images are written to; a video; a camera (camera:0, /dev/video0 or rtsp://...); a ROS bag;
     a recording of events; -, which reads paths of images from standard input, one a line; or events:346x260, which
     reads events of a sensor of that size from there. Lists and single images are taken, too.
 
     An image of a folder is taken once it is whole; one that still cannot be read 5 seconds after its last change is
-    given up. What cannot be read is told on stderr, with a count, and left out. Ctrl-C ends it; so does the end of
+    given up. What cannot be read is reported on stderr, with a count, and left out. Ctrl-C ends it; so does the end of
     SOURCE, unless there is a page to be looked at.
     """
     refuse_swapped(model_path, source)

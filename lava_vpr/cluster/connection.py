@@ -46,7 +46,7 @@ class Connection(Runner):
 
     Attributes:
         address: Of its scheduler.
-        progress: Told where tasks stand, unless their own call names somebody; None: nobody.
+        progress: Default progress callback; None: no progress is shown.
         most_absent: Seconds that a run waits while there is no worker.
     """
 
@@ -199,7 +199,7 @@ def connected(address: str | None, progress: Told | None = None) -> Iterator[Con
 
     Args:
         address: ``tcp://HOST:PORT``, or ``tls://HOST:PORT`` with keys that Dask's own configuration names.
-        progress: Told where tasks stand.
+        progress: Progress callback.
     Raises:
         ClusterError: Dask is not installed; nobody answers there, or not in time; there are no workers; or one has
             other versions than this process.

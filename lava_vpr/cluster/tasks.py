@@ -88,7 +88,7 @@ class Runner:
         jobs: Threads.
         stop: Set as soon as a task fails, or the run is given up.
     Attributes:
-        progress: Told where tasks stand, unless their own call names somebody.
+        progress: Default progress callback.
     """
 
     progress: Told | None = None

@@ -134,7 +134,7 @@ def _kept(kept: Mapping[str, Any]) -> dict[str, Any]:
     """What our own metadata add; nothing for a graph of another program.
 
     Raises:
-        Unfit: they are garbled.
+        Unfit: they are invalid.
     """
     if not kept:
         return {}
@@ -149,7 +149,7 @@ def _scalars(text: object) -> dict[str, int]:
     """`FixedNetwork.scalars` of our own metadata, those that are used within their ranges.
 
     Raises:
-        Unfit: they are garbled.
+        Unfit: they are invalid.
     """
     try:
         scalars = parse_json(text) if isinstance(text, str) else None

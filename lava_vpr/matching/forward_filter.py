@@ -16,7 +16,7 @@ probability has nothing of it. A robot that stands still shows the same image ag
 The filter is causal; `lava_vpr.matching.smoothing` looks at later queries, too.
 
 All numbers below were chosen on Nordland 0:200 (three maps; drives at 0.5 to 8 times the speed, with stops, backwards,
-in random order, carried off, off the map, blurred for 50 places); ``python -m benchmarks robot.day`` prints what they
+in random order, kidnapped, off the map, blurred for 50 places); ``python -m benchmarks robot.day`` prints what they
 reach elsewhere.
 """
 

@@ -12,7 +12,7 @@ from lava_vpr.show.templates import render, safe
 
 _WAYS = {"single": ("each image alone", "c0", "o"), "filtered": ("filtered", "c3", "D")}
 """Title, colour and marker of each way to answer."""
-_HEADS = ("", "target precision", "least probability", "accepted", "precision", "kept", "false accepts")
+_HEADS = ("", "target precision", "threshold", "accepted", "precision", "kept", "false accepts")
 _FOLLOWED = {"filtered": "filtered", "forward_backward": "forward-backward"}
 
 

@@ -37,7 +37,7 @@ from lava_vpr.storage.reading import read_bytes
 class UnfitError(ValueError):
     """A value of a file that is not what its format says; the message names it, `how` goes before it."""
 
-    how = "lacks or garbles"
+    how = "has no valid"
 
 
 class UnexpectedError(UnfitError):

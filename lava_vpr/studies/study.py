@@ -41,7 +41,7 @@ class StudyTask(NamedTuple):
     Attributes:
         points: What is measured, at least one point, all on the same section.
         seed: The seed that the figures are counted under.
-        first: Whether what does not depend on the seed is measured, too: baselines and modelled costs.
+        first: Whether to measure what no seed changes, too: baselines and modelled costs.
     """
 
     points: tuple[Point, ...]

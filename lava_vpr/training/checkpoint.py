@@ -118,7 +118,7 @@ class Checkpoint:
             epochs: Epochs that a whole training has.
             traverses: Reference traverses.
         Raises:
-            ModelFileError: no checkpoint, a damaged or garbled one, or one of other settings or images.
+            ModelFileError: no checkpoint, a damaged or invalid one, or one of other settings or images.
         """
         if self.path is None:
             raise ModelFileError("there is nowhere to resume from; name the checkpoint")

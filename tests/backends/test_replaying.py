@@ -162,9 +162,9 @@ def test_a_file_that_is_no_table_is_named(table: Path) -> None:
         ({"images": arrays["images"][1:]}, "images of shape"),
     ):
         container.save(table, "gain table", header, {**arrays, **change})
-        assert f"g.lvpg: the gain table lacks or garbles {what}" in fails(*words)
+        assert f"g.lvpg: the gain table has no valid {what}" in fails(*words)
     container.save(table, "gain table", {**header, "network_of": "x"}, arrays)
-    assert "g.lvpg: the gain table lacks or garbles network_of; write it again" in fails(*words)
+    assert "g.lvpg: the gain table has no valid network_of; write it again" in fails(*words)
     container.save(table, "gain table", header, {**arrays, "bias": arrays["bias"][:, 1:]})
     assert fails(*words).startswith("g.lvpg: does not hold what its model takes (biases of type int32 and shape (8, 7)")
     container.save(table, "gain table", header, {**arrays, "gains": arrays["gains"][:, 1:]})

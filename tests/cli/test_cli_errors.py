@@ -95,7 +95,7 @@ DATA: list[tuple[dict[str, bytes | str | None], str, str]] = [
     (
         {},
         "eval m.lvpr https://a.org/b",
-        "https:/a.org/b: cannot be opened (No such file or directory); nothing is fetched",
+        "https://a.org/b: nothing is fetched from a network; download it first",
     ),
     ({}, "query m.lvpr 0", "0: cannot be opened (No such file or directory); check the path; a camera is camera:0"),
     (
@@ -302,7 +302,7 @@ def test_a_pattern_of_query_images_is_told_to_be_their_folder(here: Path, comman
     result = CliRunner().invoke(main, [command, "m.lvpr", *images, *output])
     assert result.exit_code == 2
     why = (
-        f"Error: {images[1]!r} is one argument too many (7 are); give the folder instead of the images in it, or a list"
+        f"Error: unexpected argument {images[1]!r} (7 too many); give the folder instead of the images in it, or a list"
     )
     assert why in result.stderr, result.stderr
 

@@ -228,10 +228,10 @@ def test_a_file_that_is_no_season_of_this_model_is_named(here: Path) -> None:
         ({"more": arrays["mean"]}, "an unexpected array"),
     ):
         container.save(Path("s.lvps"), "season", header, {**arrays, **change})
-        assert f"s.lvps: the season {'has' if 'more' in change else 'lacks or garbles'} {what}" in fails(*query)
+        assert f"s.lvps: the season {'has' if 'more' in change else 'has no valid'} {what}" in fails(*query)
     for key, value in {"taught": 9, "inputs_of": "x", "answered": -1}.items():
         container.save(Path("s.lvps"), "season", {**header, key: value}, arrays)
-        assert f"s.lvps: the season lacks or garbles {key}" in fails(*query)
+        assert f"s.lvps: the season has no valid {key}" in fails(*query)
     container.save(Path("s.lvps"), "season", {**header, "inputs_of": "0" * 64}, arrays)
     assert "the season was learned with other inputs" in fails(*query)
     Path("s.lvps").write_bytes(whole[:-9])

@@ -256,7 +256,7 @@ def test_what_no_training_writes_is_refused(kind: str, forge: Forge, cause: str)
         assembled(kind, forge)
     message = str(caught.value)
     assert message.startswith(
-        ("a.lvpr: the model lacks or garbles ", "a.lvpr: the model has ", "a.lvpr: the model cannot be used (")
+        ("a.lvpr: the model has no valid ", "a.lvpr: the model has ", "a.lvpr: the model cannot be used (")
     )
     assert cause in message
     remedy = "deploy the model again" if kind == "references" else "train it again or fetch an intact copy"

@@ -274,7 +274,7 @@ def test_references_that_are_no_models_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ModelFileError, match=r"net.nir: the float weights in it are no array \(1568, 8\)"):
         imported(altered(exported(tmp_path), of(small_model(6))), NIR)
     bare = replace(small_model(6), learned=np.zeros((0, 0), np.float32))
-    with pytest.raises(ModelFileError, match=r"net.nir: the model lacks or garbles references of 6 neurons"):
+    with pytest.raises(ModelFileError, match=r"net.nir: the model has no valid references of 6 neurons"):
         imported(altered(exported(tmp_path), of(bare)), NIR)
 
 

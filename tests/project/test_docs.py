@@ -113,3 +113,13 @@ def test_the_readme_is_read_in_minutes() -> None:
     """At most 900 words, code and tables among them."""
     text = re.sub(r"<!--.*?-->|\|", " ", (ROOT / "README.md").read_text(encoding="utf-8"))
     assert 500 < len(text.split()) <= 900
+
+
+TRANSLATED = ("carried off", "is told on", "the house", "say for each", "so probable that", "lacks or garbles")
+"""Turns that are no English of the field, which says kidnapped, reported, architecture, report, above, has no."""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_pages_and_help_speak_the_fields_english(page: Path) -> None:
+    text = " ".join(page.read_text(encoding="utf-8").lower().split())
+    assert [turn for turn in TRANSLATED if turn in text] == []

@@ -88,7 +88,7 @@ def thresholds(bench: Bench) -> Table:
         for found in bench.trust.values()
         for row in found.thresholds
     )
-    heads = ("target precision", "least probability", "accepted", "precision", "kept")
+    heads = ("target precision", "threshold", "accepted", "precision", "kept")
     note = (
         "Percent, but for the probability. accepted: of all queries; precision: of the accepted; kept: accepted and "
         "right, of the queries on the map. Calibrated on the references alone."

@@ -7,7 +7,7 @@ from __future__ import annotations
 import itertools
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -95,11 +95,7 @@ def extend(
         check_learned(model, "extending", model_path)
         whole = open_traverses(images, every=every, events=model.config.events)
         outputs.spare(path for traverse in whole for path in traverse.paths)
-        ranges = [traverse.between(*places) if places else traverse for traverse in whole]
-        if skip_unreadable:
-            with stage("looking for images that cannot be read"):
-                ranges = readable(ranges, where["positions"])
-        chosen = located_each(ranges, [len(traverse) for traverse in whole], **where)
+        chosen = located_each(_ranges(whole, places, skip_unreadable, where), list(map(len, whole)), **where)
         check_references([len(traverse) for traverse in chosen], images, least=1)
         stretches = check_extension(model, len(chosen[0]), len(chosen), model_path)
         known = _positions(model, chosen[0], bool(where["positions"]), model_path)
@@ -160,6 +156,17 @@ def merge(model_paths: tuple[Path, ...], output: Path, allow_duplicates: bool, j
             made = maps.merge(models, paths=model_paths, allow_duplicates=allow_duplicates, pool=pool)
         _save(made, output)
     _report(made, f"merged {len(models)} models", output)
+
+
+def _ranges(
+    whole: Sequence[Traverse], places: tuple[int, int] | None, skip: bool, where: Mapping[str, Any]
+) -> list[Traverse]:
+    """The images of each traverse that are wanted; without those that cannot be read, if these are to be skipped."""
+    ranges = [traverse.between(*places) if places else traverse for traverse in whole]
+    if not skip:
+        return ranges
+    with stage("looking for images that cannot be read"):
+        return readable(ranges, where["positions"])
 
 
 def _save(model: Model, path: Path) -> None:

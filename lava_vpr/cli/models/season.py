@@ -57,7 +57,7 @@ def applied(model: Model, path: Path | None) -> tuple[Model, NDArray[np.uint8] |
 def season(
     model_path: Path, path: Path, picture: Path | None, saved: Path | None, target: Path | None, forget: bool
 ) -> None:
-    """Say what FILE, written by watch --learn, knows of the season, and draw it, put it away, apply it or forget it.
+    """Describe the season in FILE, written by watch --learn; draw, save, apply or forget it.
 
     MODEL is any map with the inputs that FILE was learned with. It stays as it is: --apply writes another, whose
     learned weights are multiplied by the gains and quantised anew, so that it needs neither FILE nor a host that

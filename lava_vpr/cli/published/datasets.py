@@ -22,7 +22,7 @@ from lava_vpr.show.table import Table
 @click.argument("folder", type=PATH, required=False)
 @json_option("what is printed")
 def datasets(name: str | None, folder: Path | None, json_path: Path | None) -> None:
-    """Say what the five benchmark datasets are, and check what is there of one.
+    """Describe the five benchmark datasets, and check a copy of one.
 
     Without NAME: a list. With NAME: what to download and from where, which folders, and what the paper does with them.
     With FOLDER, which holds the dataset: which of its layouts was found, the images of each traverse, the places and

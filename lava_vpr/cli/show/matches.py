@@ -195,7 +195,7 @@ def sentences(table: MatchTable, row: Row, least: float) -> str:
     elif not good and row.get("unlike") is not None:
         sure += ", but it is unlike all that the map has seen"
     elif not good:
-        why = f"less than the {least:.0%} from which on it is accepted" if least <= 1 else "and none is enough"
+        why = f"below the threshold of {least:.0%}" if least <= 1 else "and no probability is enough"
         sure += f", {why} for this precision"
     shows = "shows" if good else "may show"
     verdict = "accepted" if good else "not accepted"

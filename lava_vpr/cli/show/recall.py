@@ -76,5 +76,5 @@ def trust_tables(result: Recognition) -> list[Table]:
             figures = map(percent, (row.accepted, row.precision, row.kept, row.false_accepts))
             first = (name, percent(found.error)) if number == 0 else ("", "")
             rows.append((first[0], percent(row.target), least, *figures, first[1]))
-    columns = ("", "target", "least probability", "accepted", "precision", "kept", "false accepts", "error")
+    columns = ("", "target", "threshold", "accepted", "precision", "kept", "false accepts", "error")
     return [Table(columns, rows, (note,), "accepted by --target-precision")]

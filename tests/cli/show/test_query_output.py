@@ -135,7 +135,10 @@ def test_candidates_of_a_sequence_are_those_of_its_end(here: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        ((), (" may show place 3 (place_00003.png): not accepted, probability 47%, and none is enough for this ",)),
+        (
+            (),
+            (" may show place 3 (place_00003.png): not accepted, probability 47%, and no probability is enough ",),
+        ),
         (("--target-precision", 0.3), (" shows place 3 (place_00003.png): accepted, probability 47%.",)),
         (("--query-views", 3), (" may show place 3 (place_00003.png): not accepted, confidence ",)),
         (("--query-views", 3, "--min-confidence", 0), (" shows place 3 (place_00003.png): accepted, confidence ",)),
@@ -145,7 +148,7 @@ def test_candidates_of_a_sequence_are_those_of_its_end(here: Path) -> None:
         ),
         (("--min-confidence", "0"), (" shows place 3 (place_00003.png): accepted, ",)),
         (("--top", 2), ("not accepted", "\n2. place ", "score ")),
-        (("--top", 2, *FILTERED), ("not accepted", "less than the 95% from which on", "\n2. place ", ", probability ")),
+        (("--top", 2, *FILTERED), ("not accepted", "below the threshold of 95%", "\n2. place ", ", probability ")),
     ],
 )
 def test_one_image_is_told_in_a_sentence(words: tuple[object, ...], parts: tuple[str, ...], here: Path) -> None:

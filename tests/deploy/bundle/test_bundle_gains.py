@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from support.boards import host_programs
+from support.common import children
 from support.common.commands import content, fails, run
 from support.common.teaching import teach_quickly
 
@@ -142,7 +143,7 @@ def queries_in(place: str, activity: NDArray[Any], **more: NDArray[Any]) -> str:
 def asked(activity: NDArray[Any]) -> subprocess.CompletedProcess[str]:
     """A run of the simulated program on queries with this activity."""
     words = [sys.executable, "b/program/run.py", "--simulate", "--queries", queries_in("Q", activity), "--out", "R"]
-    return subprocess.run(words, capture_output=True, text=True, check=False, timeout=120, env=dict(os.environ))
+    return children.run(words, capture_output=True, text=True, check=False, timeout=120, env=dict(os.environ))
 
 
 @pytest.mark.parametrize("target", ["kapoho-bay", pytest.param("loihi2", marks=[pytest.mark.slow, pytest.mark.lava])])
