@@ -1,1 +1,1 @@
-"""The host engine of this checkout beside that of another."""
+"""Encoding, updates and commands of this checkout beside those of another."""

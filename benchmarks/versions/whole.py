@@ -20,7 +20,7 @@ import cv2
 from benchmarks.commands.running import command_run
 from benchmarks.places import images_of
 from benchmarks.program import ROOT, BenchmarkTable, Printed, program, turns
-from benchmarks.versions.beside import python_of
+from lava_vpr.errors import InputError
 from lava_vpr.images.imagefiles import read_image
 from lava_vpr.storage.writing import temporary_folder
 
@@ -49,6 +49,18 @@ for places in json.loads(sys.argv[1]):
     found[f"`Localizer.update`, {places:,} places"] = usual(update, images, 20)
 print(json.dumps(found), file=open("times.json", "w"))
 """
+
+
+def python_of(checkout: Path) -> Path:
+    """The Python of a checkout.
+
+    Raises:
+        InputError: it has none of its own.
+    """
+    python = checkout / ".venv" / "bin" / "python"
+    if not python.exists():
+        raise InputError(f"{checkout}: has no .venv; run make lint there, or name another checkout")
+    return python
 
 
 def measured(checkout: Path, place: Path) -> dict[str, float]:

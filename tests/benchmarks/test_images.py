@@ -17,15 +17,12 @@ from benchmarks.figures import read
 from benchmarks.program import turns
 
 ROOT = Path(__file__).resolve().parents[2]
-WITHOUT = {
-    f"benchmarks.{name}" for name in ("oracles.compare", "peers.side_by_side", "sanafe.compare", "versions.worker")
-}
-"""Those that do with less, and say so; and one that another starts."""
+WITHOUT = {f"benchmarks.{name}" for name in ("oracles.compare", "peers.side_by_side", "sanafe.compare")}
+"""Those that do with less, and say so."""
 WORDS = {
     "benchmarks.commands.proofs": ["exactness"],
     "benchmarks.recall": ["decoders"],
     "benchmarks.results.__main__": ["--all"],
-    "benchmarks.versions.beside": ["."],
     "benchmarks.versions.whole": ["."],
 }
 """What must be given."""
