@@ -1,6 +1,6 @@
 """Other systems beside this one, measured in one run.
 
-    python -m benchmarks peers.side_by_side [--presentations N] [--images FOLDER] [--peers-only] [--json FILE]
+    python -m benchmarks peers.side_by_side [--presentations N] [--epochs N]
 
 (`make peers` sets it up.)
 
@@ -8,8 +8,8 @@ First, milliseconds per presentation, one core, one process: Brian2, our `paper`
 every matcher of `lava_vpr.bench.measure.matchers` and `benchmarks.peers.rivals` on the same places and queries: speed,
 recall and memory, real images where LAVA_VPR_DATA names them (Nordland 0:100), else the synthetic world.
 
-Brian2 and `paper` compute the same network; ``--parity`` (default) also gives both the very same input spikes and
-compares what comes out. All of them take turns, presentation by presentation, and the table holds medians, because
+Brian2 and `paper` compute the same network: both are also given the very same input spikes, and what comes out is
+compared. All of them take turns, presentation by presentation, and the table holds medians, because
 other programs share the machine. Compilation is not counted, nor what Brian2's garbage collection makes of a process as
 large as this one (`benchmarks.peers.brian2_network.spare_collection`). Learning is timed twice: at the start, when a
 hundred neurons answer every image, and after ``--epochs`` epochs. `loihi` learns and answers the same images in its own
@@ -18,11 +18,9 @@ way: 100 neurons, as many steps as its settings say, one call for each presentat
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Callable
-from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -70,14 +68,6 @@ IMAGES = 20
 NEURONS = 100
 PLACES = (0, 100)
 Times = dict[str, list[float]]
-
-
-def load_images(folder: Path | None) -> list[NDArray[np.uint8]]:
-    """The first images of ``folder``, or of the synthetic world."""
-    if folder is None:
-        return [render(World(), place, "summer") for place in range(IMAGES)]
-    whole = open_traverse(folder)
-    return list(whole.take(range(min(IMAGES, len(whole)))).images())
 
 
 class Loihi:
@@ -231,72 +221,39 @@ def peer_table(name: str, peers: tuple[Peer, ...]) -> Table:
     return Table(("matcher", *heads), rows, notes, f"{name}; exact matches, percent")
 
 
-def as_json(peers: tuple[Peer, ...]) -> dict[str, Any]:
-    """Each peer's queries per second, recall and bytes by its name; null where there is none."""
-    return {
-        peer.name: {
-            "queries_per_second": peer.queries_per_second,
-            "threads": peer.threads,
-            "bytes": peer.bytes,
-            "recall": peer.metrics.as_json() if peer.metrics is not None else None,
-            "absent": peer.absent or None,
-        }
-        for peer in peers
-    }
-
-
-def presented(presentations: int, epochs: int, images: Path | None, compare: bool) -> dict[str, Any]:
+def presented(presentations: int, epochs: int) -> Table:
     """Milliseconds of presentations, and the comparison of spikes."""
     config = preset("paper")
-    pictures = load_images(images)
+    pictures = [render(World(), place, "summer") for place in range(IMAGES)]
     patches = np.stack([patch_normalised(picture).ravel() for picture in pictures])
     state, loihi = initial_state(config, INPUTS), Loihi(pictures)
     times = measure(config, state, loihi, patches, presentations, "train, first epoch")
-    same = parity(config, state, patches, 3) if compare else None
+    same = parity(config, state, patches, 3)
     rates = rates_per_step(patches, config)
     for epoch in range(epochs):
         for q, image in enumerate(rates):
             train_presentation(state, image, presentation_key(config.seed, "train", q, epoch), config)
     times |= measure(config, state, loihi, patches, presentations, f"train, epoch {epochs + 1}")
-    return {"milliseconds": {name: median(values) for name, values in times.items()}, "parity": same}
+    return presentation_table({name: median(values) for name, values in times.items()}, same)
 
 
-def presentation_table(figures: dict[str, float], same: dict[str, float] | None) -> Table:
+def presentation_table(figures: dict[str, float], same: dict[str, float]) -> Table:
     """Milliseconds of presentations by what is done and who does it, and whether the spikes were the same."""
-    rows, notes = [], []
+    rows = []
     for row in dict.fromkeys(name.split("/")[0] for name in figures):
         brian, paper, ours = (figures[f"{row}/{name}"] for name in ("brian2", "paper", "loihi"))
         rows.append([row, f"{brian:.1f}", f"{paper:.1f}", f"{brian / paper:.0f}", f"{ours:.3f}", f"{brian / ours:.0f}"])
-    if same is not None:
-        notes.append(
-            f"same input spikes: {same['equal']} of {same['presentations']} presentations give the same "
-            f"{same['spikes']} spikes; largest weight difference {same['largest_weight_difference']:.1e}"
-        )
-    return Table(("ms per presentation", "Brian2", "paper", "ratio", "loihi", "ratio"), rows, notes)
+    note = (
+        f"same input spikes: {same['equal']} of {same['presentations']} presentations give the same "
+        f"{same['spikes']} spikes; largest weight difference {same['largest_weight_difference']:.1e}"
+    )
+    return Table(("ms per presentation", "Brian2", "paper", "ratio", "loihi", "ratio"), rows, (note,))
 
 
 @program()
 @click.option("--presentations", default=7, show_default=True, help="Timed presentations of each kind.")
 @click.option("--epochs", default=25, show_default=True, help=f"Epochs over {IMAGES} images before 'trained'.")
-@click.option("--images", type=click.Path(exists=True, file_okay=False, path_type=Path), help="Folder of images.")
-@click.option("--parity/--no-parity", "compare", default=True, help="Compare spikes, too.")
-@click.option("--peers-only", is_flag=True, help="Without the first table, which needs Brian2 in this Python.")
-@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path), help="Write figures here.")
-def main(
-    presentations: int,
-    epochs: int,
-    images: Path | None,
-    compare: bool,
-    peers_only: bool,
-    json_file: Path | None,
-) -> Printed:
+def main(presentations: int, epochs: int) -> Printed:
     """Time VPRSNN's network in Brian2 beside this project's engines, and every peer beside lava-vpr."""
-    figures: dict[str, Any] = {}
-    if not peers_only:
-        figures = presented(presentations, epochs, images, compare)
-        yield presentation_table(figures["milliseconds"], figures["parity"])
-    name, peers = side_by_side()
-    yield peer_table(name, peers)
-    if json_file is not None:
-        text = json.dumps(figures | {"peers": as_json(peers)}, indent=1, sort_keys=True)
-        json_file.write_text(text + "\n", encoding="utf-8")
+    yield presented(presentations, epochs)
+    yield peer_table(*side_by_side())

@@ -8,9 +8,9 @@ a layer is a matrix product. A feature layer learns by spike timing without labe
 a place is forced to spike for its own place.
 
 Where the paper and its code (QVPR/VPRTempo 1.1.11) differ, the code is followed: no constant input (the paper: C =
-0.1), all features reach all outputs, and queries pass the two matrices without thresholds; `VprTempoConfig` has the
-other ways. In one thing the paper is followed: the code leaves the spikes out of the thresholds' rule (eq. 5), so that
-all thresholds fall to 0. `benchmarks.peers.vprtempo_recall` compares recall.
+0.1), all features reach all outputs, and queries pass the two matrices without thresholds. In one thing the paper is
+followed: the code leaves the spikes out of the thresholds' rule (eq. 5), so that all thresholds fall to 0.
+`benchmarks.peers.vprtempo_recall` compares recall.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.errors import InputError
 
 Floats = NDArray[np.float32]
 
@@ -51,7 +51,6 @@ class VprTempoConfig:
         ceiling: Largest spike.
         epochs: How often each image is shown to each layer.
         anneal_every: Steps between adjustments of the rates (eq. 3).
-        clamp: Whether queries' features are spikes (threshold, 0..ceiling) or, as released, mere sums.
     """
 
     features_per_input: int = 2
@@ -70,25 +69,6 @@ class VprTempoConfig:
     ceiling: float = 0.9
     epochs: int = 4
     anneal_every: int = 100
-    clamp: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("features_per_input", "epochs", "anneal_every"):
-            value = getattr(self, name)
-            if value < 1:
-                raise ConfigError(f"vprtempo: {name} is {value}, must be at least 1")
-        for name in ("excitatory", "inhibitory", "output_excitatory", "output_inhibitory", "forced", "ceiling"):
-            value = getattr(self, name)
-            if not 0 <= value <= 1:
-                raise ConfigError(f"vprtempo: {name} is {value}, must be in 0..1")
-        for name in ("threshold", "constant", "learning_rate", "threshold_rate", "balance"):
-            value = getattr(self, name)
-            if not 0 <= value < math.inf:
-                raise ConfigError(f"vprtempo: {name} is {value}, must be at least 0")
-        if not 0 < self.lowest_rate <= self.highest_rate <= 1:
-            raise ConfigError(
-                f"vprtempo: rates {self.lowest_rate} to {self.highest_rate}; give 0 < lowest_rate <= highest_rate <= 1"
-            )
 
 
 WEAKEST, STRONGEST = np.float32(1e-6), np.float32(10.0)
@@ -118,18 +98,15 @@ class VprTempo:
 
     Attributes:
         feature, output: The layer of features, and the layer with one neuron a place.
-        config: The settings that it was trained with.
     """
 
     feature: Layer
     output: Layer
-    config: VprTempoConfig
 
     @property
     def nbytes(self) -> int:
-        """The bytes that answering queries needs: both matrices, and the features' thresholds and constants if used."""
-        matrices = self.feature.weights.nbytes + self.output.weights.nbytes
-        return matrices + (2 * self.feature.threshold.nbytes if self.config.clamp else 0)
+        """The bytes that answering queries needs: both matrices."""
+        return self.feature.weights.nbytes + self.output.weights.nbytes
 
     def scores(self, spikes: Floats) -> Floats:
         """Amplitudes of the output neurons for input ``spikes`` (n, inputs): float32 (n, places), higher is better.
@@ -142,11 +119,7 @@ class VprTempo:
                 f"vprtempo: queries of shape {spikes.shape}, the network has {self.feature.weights.shape[1]} inputs; "
                 "preprocess queries and references alike"
             )
-        features = spikes @ self.feature.weights.T
-        if self.config.clamp:
-            features += self.feature.constant - self.feature.threshold
-            np.clip(features, 0.0, np.float32(self.config.ceiling), out=features)
-        return np.asarray(features @ self.output.weights.T)
+        return np.asarray(spikes @ self.feature.weights.T @ self.output.weights.T)
 
 
 def preprocess(image: NDArray[np.uint8], side: int = SIDE, window: int = WINDOW) -> NDArray[np.uint8]:
@@ -336,7 +309,7 @@ def train(
     for t, image in enumerate(_order(len(spikes), settings.epochs, rng)):
         annealed = _annealed(t, steps, settings.anneal_every)
         output_step(output, features[image], feature.rate, int(places[image]), annealed, settings)
-    return VprTempo(feature, output, settings)
+    return VprTempo(feature, output)
 
 
 def _order(images: int, epochs: int, rng: np.random.Generator) -> list[int]:
