@@ -22,13 +22,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.places import FOLDERS, TEMPLATES, images_of
+from benchmarks.places import ALL_CORES, FOLDERS, TEMPLATES, images_of
 from benchmarks.program import BenchmarkTable, Printed, program, recall, seeds_option
-from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays
-from lava_vpr.engine.presentations import cores
 from lava_vpr.experiments.grid import compute
 from lava_vpr.inputs.views import View, seen_as
 from lava_vpr.matching.evaluation import Metrics
@@ -216,10 +214,10 @@ def answered(scenario: Scenario, config: Config, name: str) -> Recognition:
     config = config if template else update(config, {"network": {"neurons_per_place": scenario.neurons}})
     kept = np.arange(0, PLACES, scenario.kept if template else 1)
     references = [encoded([images[k] for k in kept], config) for images in scenario.references]
-    model = train(medoids(references) if name == "medoids" else references, config, pool=Pool(cores()))
+    model = train(medoids(references) if name == "medoids" else references, config, pool=ALL_CORES)
     truth = np.abs(np.arange(PLACES)[:, None] - kept) <= scenario.tolerance
     comparison = Comparison(rivals=("cosine",), keep_scores=False)
-    return recognise(model, encoded(scenario.queries, config), truth, comparison, pool=Pool(cores()))
+    return recognise(model, encoded(scenario.queries, config), truth, comparison, pool=ALL_CORES)
 
 
 def reached(make: Callable[[int, Random], Scenario], point: tuple[int, int]) -> dict[str, Metrics]:
@@ -247,9 +245,9 @@ def drives(config: Config, world: int, name: str, gated: bool) -> Iterator[Metri
     """Recall in rain, at night and in winter of what was learned in summer and, if ``gated``, from its own answers."""
     references = [encoded(synthetic("summer", world), config)]
     for condition in ("rain", "night", "winter"):
-        model = train(medoids(references) if name == "medoids" else references, config, pool=Pool(cores()))
+        model = train(medoids(references) if name == "medoids" else references, config, pool=ALL_CORES)
         queries = encoded(synthetic(condition, world), config)
-        result = recognise(model, queries, np.eye(PLACES, dtype=bool), DECODERS_ONLY, pool=Pool(cores()))
+        result = recognise(model, queries, np.eye(PLACES, dtype=bool), DECODERS_ONLY, pool=ALL_CORES)
         yield result.metrics[result.default]
         if gated:
             references.append(learned_from(result, queries, references[0]))

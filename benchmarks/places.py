@@ -25,6 +25,8 @@ from lava_vpr.recognition import Comparison, Recognition, recognise
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import Traverse, open_traverse
 
+ALL_CORES = Pool(cores())
+"""Runs tasks on all cores of this machine."""
 FOLDERS = {
     "nordland": ("summer", "winter"),
     "nordland_long": ("summer", "winter"),
@@ -33,6 +35,12 @@ FOLDERS = {
 }
 """Folders of references and queries by dataset."""
 SECTIONS = tuple((start, start + 100) for start in range(0, 500, 100))
+
+
+def near(queries: int, tolerance: int = 0) -> NDArray[np.bool_]:
+    """The truth where query i shows place i, bool (queries, queries)."""
+    index = np.arange(queries)
+    return np.abs(index[:, None] - index) <= tolerance
 
 
 def images_of(dataset: str, name: str) -> Path:
@@ -66,14 +74,14 @@ def encoded(season: str, encoder: EncoderConfig) -> EncodedTraverse:
 @lru_cache(maxsize=16)
 def learn(places: tuple[int, int], config: Config) -> Model:
     """A model of the summer images ``places``; equal arguments share it, so nobody may write to it."""
-    return train([encoded("summer", config.encoder).take(slice(*places))], config, route_images=500, pool=Pool(cores()))
+    return train([encoded("summer", config.encoder).take(slice(*places))], config, route_images=500, pool=ALL_CORES)
 
 
 def answer(model: Model, places: tuple[int, int], backend: str = "host", **comparison: Any) -> Recognition:
     """What ``model`` makes of the winter images ``places``; ``comparison`` holds fields of `Comparison`."""
     queries = encoded("winter", model.config.encoder).take(slice(*places))
     truth = np.eye(len(queries), dtype=bool)
-    return recognise(model, queries, truth, Comparison(**comparison), backend=backend, pool=Pool(cores()))
+    return recognise(model, queries, truth, Comparison(**comparison), backend=backend, pool=ALL_CORES)
 
 
 TEMPLATES = {"rule": "template", "epochs": 1}
@@ -154,12 +162,12 @@ def recognised(
     asked = encode_traverse(queries, config.encoder, Keep.ALL, standard=standard)
 
     def of_seed(shared: None, seed: int) -> Recognition:
-        model = train(learned, dataclasses.replace(config, seed=seed), standard=standard, pool=Pool(cores()))
-        return recognise(model, asked, truth, comparison, pool=Pool(cores()))
+        model = train(learned, dataclasses.replace(config, seed=seed), standard=standard, pool=ALL_CORES)
+        return recognise(model, asked, truth, comparison, pool=ALL_CORES)
 
     return list(compute(of_seed, seeds).values())
 
 
 def learned(section: PlacesSection, config: Config, which: int = 0) -> Model:
     """A model of a section, from its references, or in the other season, from its queries."""
-    return train(places(section, which, config), config, pool=Pool(cores()))
+    return train(places(section, which, config), config, pool=ALL_CORES)

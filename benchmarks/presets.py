@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 
-from benchmarks.places import TEMPLATES, PlacesSection, learned, places
+from benchmarks.places import TEMPLATES, PlacesSection, learned, near, places
 from benchmarks.program import MARGIN, RECALL, Log, Printed, program, recalls
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import to_dict, update
@@ -147,8 +147,7 @@ def cases_of(config: Config, seeds: Sequence[int] = SEEDS) -> list[Case]:
     """A model of each of `PLACES`, learned in each of `SEASONS`, for each of ``seeds``, with its queries."""
     cases = []
     for (section, tolerance), season in itertools.product(PLACES.items(), SEASONS):
-        numbers = np.arange(section.end - section.first)
-        truth = np.abs(numbers[:, None] - numbers) <= tolerance
+        truth = near(section.end - section.first, tolerance)
         (queries,) = places(section, 1 - season, config, ViewsConfig())
         models = (learned(section, dataclasses.replace(config, seed=seed), season) for seed in seeds)
         cases += [Case(model, queries, truth) for model in models]

@@ -18,12 +18,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.commands.running import lava_vpr
-from benchmarks.places import images_of
+from benchmarks.places import ALL_CORES, images_of
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from lava_vpr import maps, model
-from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import Keep, encode_views
-from lava_vpr.engine.presentations import cores
 from lava_vpr.storage.writing import temporary_folder
 from lava_vpr.traverse import open_traverse
 
@@ -54,7 +52,7 @@ def extending(place: Path) -> float:
     taken = []
     for _ in range(6):  # the first loads kernels
         started = time.process_time()
-        maps.extend(before, new, pool=Pool(cores()))
+        maps.extend(before, new, pool=ALL_CORES)
         taken.append(time.process_time() - started)
     return float(np.median(taken[1:]))
 

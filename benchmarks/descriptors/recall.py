@@ -21,7 +21,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.places import FOLDERS, PlacesSection, images_of, recognised, sections_of
+from benchmarks.places import FOLDERS, PlacesSection, images_of, near, recognised, sections_of
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from lava_vpr.config import Config, StdpLearning, preset
 from lava_vpr.configfile import update
@@ -93,8 +93,7 @@ def vector_recall(
     pair = [hogs(section.dataset, which)[section.first : section.end] for which in (0, 1)]
     pair = components(*pair) if "pca" in settings else pair
     references, queries = (vector_traverse(f"{section}", Vectors(vectors)) for vectors in pair)
-    order = np.arange(section.end - section.first)
-    truth = np.abs(order[:, None] - order) <= TOLERANCE[section.dataset]
+    truth = near(section.end - section.first, TOLERANCE[section.dataset])
     config = with_way(settings)
     results = recognised(config, references, queries, truth, seeds, Comparison(keep_scores=False))
     found = [

@@ -22,15 +22,13 @@ from benchmarks.descriptors.recall import hogs
 from benchmarks.events import lens
 from benchmarks.learning.season import ADAPTING, LEARNING, RULES, Drive, answered
 from benchmarks.learning_pays import PLACES, SCENARIOS, SECTIONS, WORLDS, Random, encoded, grainy, nordland, synthetic
-from benchmarks.places import PlacesSection, Views, places
+from benchmarks.places import ALL_CORES, PlacesSection, Views, near, places
 from benchmarks.program import BenchmarkTable, Printed, program, recall, seeds_option
 from benchmarks.results.tables import VIEWS
 from lava_vpr.backends.answering import teachers
-from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, for_events, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import encode_traverse
-from lava_vpr.engine.presentations import cores
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.views import View, ViewsConfig, seen_as
 from lava_vpr.learning.references import encode_route
@@ -66,12 +64,6 @@ class SeasonDrive(NamedTuple):
     standard: Standard | None = None
     before: Views | None = None
     counted: slice = slice(None)
-
-
-def near(queries: int, tolerance: int = 0) -> NDArray[np.bool_]:
-    """The truth where query i shows place i, bool (queries, queries)."""
-    index = np.arange(queries)
-    return np.abs(index[:, None] - index) <= tolerance
 
 
 def of_scenario(title: str) -> Callable[[int, Random], SeasonDrive]:
@@ -160,7 +152,7 @@ class Paired(NamedTuple):
 def paired(case: SeasonDrive, rule: str, seed: int) -> Paired:
     """What gains do to a drive on what was learned by a rule."""
     config = dataclasses.replace(update(case.config, RULES[rule]), seed=seed)
-    model = train(case.references, config, standard=case.standard, pool=Pool(cores()))
+    model = train(case.references, config, standard=case.standard, pool=ALL_CORES)
     before = None if case.before is None else answered(model, case.before, LEARNING).season
     plain, under = (
         answered(model, case.queries, dataclasses.replace(how, season=before if how.learn else None))

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.learning.cosine import cosines
-from benchmarks.places import TEMPLATES, PlacesSection, Views, places, sections_of
+from benchmarks.places import ALL_CORES, TEMPLATES, PlacesSection, Views, near, places, sections_of
 from benchmarks.program import BenchmarkTable, Printed, program, recall, seeds_option
 from benchmarks.results.rows import TAU
 from lava_vpr import Localizer, train as train_images
@@ -29,13 +29,11 @@ from lava_vpr.backends import teaching
 from lava_vpr.backends.answering import Turn, in_turn, paired, teachers
 from lava_vpr.backends.asking import Asker, Asking, calibration_of
 from lava_vpr.backends.interface import HostBackend
-from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import integer_config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine import gains
 from lava_vpr.engine.gains import RECENT, Season
-from lava_vpr.engine.presentations import cores
 from lava_vpr.matching.answers import InBlocks, Together, hold
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.forward_filter import NONE
@@ -125,7 +123,7 @@ class Drive(NamedTuple):
 def learned(way: SeasonedMap, rule: str, seed: int, name: str = "loihi") -> Model:
     """A model of a map, learned by a rule under a preset."""
     config = dataclasses.replace(update(preset(name), RULES[rule]), seed=seed)
-    return train(places(way.section, way.season, config), config, pool=Pool(cores()))
+    return train(places(way.section, way.season, config), config, pool=ALL_CORES)
 
 
 def driven(model: Model, way: SeasonedMap, asking: Asking, motion: str = NONE) -> Drive:
@@ -136,14 +134,13 @@ def driven(model: Model, way: SeasonedMap, asking: Asking, motion: str = NONE) -
 def answered(model: Model, queries: Views, asking: Asking, motion: str = NONE) -> Drive:
     """What ``model`` answers to queries in each of their views."""
     asker = Asker(model, asking)
-    together = Together(1, motion, calibration_of(model, Pool(cores())))
-    return Drive(list(in_turn(model, asker, [queries], HostBackend(Pool(cores())), together)))
+    together = Together(1, motion, calibration_of(model, ALL_CORES))
+    return Drive(list(in_turn(model, asker, [queries], HostBackend(ALL_CORES), together)))
 
 
 def truth_of(way: SeasonedMap) -> NDArray[np.bool_]:
     """Which answers are right, bool (n, places)."""
-    index = np.arange(way.section.end - way.section.first)
-    return np.abs(index[:, None] - index) <= way.tolerance
+    return near(way.section.end - way.section.first, way.tolerance)
 
 
 def figures(scores: NDArray[np.float64], way: SeasonedMap) -> Metrics:
@@ -267,7 +264,7 @@ def known(seeds: Sequence[int]) -> Printed:
         for seed in seeds:
             model, other = learned(here, STDP, seed), learned(there, STDP, seed)
             queries = places(here.section, 1 - here.season, model.config)[0]
-            season = paired(model, queries, np.arange(len(queries)), Pool(cores()))
+            season = paired(model, queries, np.arange(len(queries)), ALL_CORES)
             taught += season.taught
             for kept, how in zip(cells, (ADAPTING, dataclasses.replace(ADAPTING, season=season)), strict=True):
                 kept.append(figures(driven(other, there, how).scores, there))
@@ -283,7 +280,7 @@ def assured(seeds: Sequence[int]) -> Printed:
         for season, asked in enumerate(("winter", "summer")):
             way, row = SeasonedMap(section, season), [f"{section.end - section.first:,} places, {asked} asked"]
             models = [learned(way, STDP, seed) for seed in seeds]
-            calibrations = [calibration_of(model, Pool(cores())) for model in models]
+            calibrations = [calibration_of(model, ALL_CORES) for model in models]
             for how in (ADAPTING, LEARNING):
                 drives = [driven(model, way, how) for model in models]
                 row += assurance([drive.scores for drive in drives], calibrations)

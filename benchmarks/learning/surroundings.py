@@ -19,15 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.learning_pays import encoded
-from benchmarks.places import TEMPLATES, PlacesSection, places, sections_of
+from benchmarks.places import ALL_CORES, TEMPLATES, PlacesSection, places, sections_of
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from benchmarks.results.rows import TAU
 from lava_vpr.backends.asking import Asking
-from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.engine.presentations import cores
 from lava_vpr.matching.evaluation import Metrics, truth_from_indices
 from lava_vpr.recognition import DECODERS_ONLY, recognise
 from lava_vpr.synthetic.world import World, render
@@ -76,13 +74,13 @@ def asked(chosen: bool, config: Config) -> Iterator[tuple[str, int, list[Asked]]
 def found(pair: Asked, config: Config, tolerance: int) -> dict[str, tuple[Metrics, NDArray[np.bool_]]]:
     """Figures and which queries are answered rightly, each alone (under no name) and adapted."""
     learned, queries = pair
-    model = train([learned], config, pool=Pool(cores()))
+    model = train([learned], config, pool=ALL_CORES)
     order = np.arange(len(queries))
     truth = truth_from_indices(order, order, tolerance)
     how = {
         name: dataclasses.replace(DECODERS_ONLY, asking=Asking(adapt=tau)) for name, tau in (("", None), (ADAPTED, TAU))
     }
-    made = {name: recognise(model, queries, truth, one, pool=Pool(cores())) for name, one in how.items()}
+    made = {name: recognise(model, queries, truth, one, pool=ALL_CORES) for name, one in how.items()}
     return {
         name: (
             (result.adapted if name else result.metrics)[result.default],

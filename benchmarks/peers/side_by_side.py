@@ -30,12 +30,11 @@ from numpy.typing import NDArray
 
 from benchmarks.peers.brian2_network import Brian2Network, spare_collection
 from benchmarks.peers.rivals import OwnImages, brian2_peer, own_images, vprtempo_matchers
-from benchmarks.places import images_of
+from benchmarks.places import ALL_CORES, images_of
 from benchmarks.program import Printed, program
 from lava_vpr.bench.measure.matchers import run_peers
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
-from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, integer_config, preset
 from lava_vpr.encoding import (
     EncodedTraverse,
@@ -50,7 +49,6 @@ from lava_vpr.engine.conductance.model import ConductanceState, count_spikes, in
 from lava_vpr.engine.inference import fixed, quantise
 from lava_vpr.engine.inference.surroundings import Shown
 from lava_vpr.engine.learning import stdp
-from lava_vpr.engine.presentations import cores
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys
 from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.matching.evaluation import values_of
@@ -189,7 +187,7 @@ def all_peers(
         brian2_queries: The number of queries that Brian2 is given.
     """
     others = vprtempo_matchers(model, queries, truth, own)
-    known = recognise(model, queries, truth, Comparison(keep_scores=False), pool=Pool(cores()))
+    known = recognise(model, queries, truth, Comparison(keep_scores=False), pool=ALL_CORES)
     peers = run_peers(QuerySet.of(model, queries), known, others=others, **options)
     return (*peers, brian2_peer(model, queries, brian2_queries))
 
@@ -198,7 +196,7 @@ def side_by_side() -> tuple[str, tuple[Peer, ...]]:
     """Every matcher on the same places and queries, and what images those were."""
     name, references, queries, own = section()
     config = preset("loihi")
-    model = train([references], config, pool=Pool(cores()))
+    model = train([references], config, pool=ALL_CORES)
     return name, all_peers(model, queries, np.eye(len(queries), dtype=bool), own)
 
 

@@ -18,15 +18,13 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.places import PlacesSection, learned, places
+from benchmarks.places import ALL_CORES, PlacesSection, learned, places
 from benchmarks.program import ROOT
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.rivals import BASELINES
-from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config
 from lava_vpr.configfile import to_dict
 from lava_vpr.encoding import EncodedTraverse
-from lava_vpr.engine.presentations import cores
 from lava_vpr.experiments.cache import content_key
 from lava_vpr.experiments.grid import compute
 from lava_vpr.experiments.task import Route, modelled
@@ -121,7 +119,7 @@ def _asked(model: Model, row: ResultRow, section: PlacesSection) -> Recognition:
     rivals = tuple(name for name in row.matchers if name in BASELINES)
     comparison = Comparison(row.sequence, rivals, None, False, Asking(adapt=TAU if row.adapt else None))
     asked = _standing(queries, section.first) if row.standing else queries
-    return recognise(model, asked, truth, comparison, pool=Pool(cores()))
+    return recognise(model, asked, truth, comparison, pool=ALL_CORES)
 
 
 def _standing(queries: EncodedTraverse, seed: int) -> EncodedTraverse:

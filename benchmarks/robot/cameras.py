@@ -13,11 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.places import PlacesSection, places
+from benchmarks.places import ALL_CORES, PlacesSection, places
 from benchmarks.robot.drives import DULL, Image, large, painted, squeezed
 from lava_vpr import Localizer
-from lava_vpr.cluster.tasks import Pool
-from lava_vpr.engine.presentations import cores
 from lava_vpr.framing import AUTO, NO_CROP
 from lava_vpr.model import IntegerModel, Model
 from lava_vpr.positions.frames import XY
@@ -80,7 +78,7 @@ def twice(model: IntegerModel, section: PlacesSection) -> Model:
     order = np.append(np.arange(n), np.arange(n // 10))
     views = places(section, 0, model.config)
     again = [replace(view.take(order), indices=np.arange(len(order), dtype=np.int64)) for view in views]
-    return train(again, model.config, pool=Pool(cores()))
+    return train(again, model.config, pool=ALL_CORES)
 
 
 def every_camera(model: IntegerModel, section: PlacesSection) -> Iterator[tuple[str, CameraShares]]:

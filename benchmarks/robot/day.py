@@ -22,7 +22,7 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
-from benchmarks.places import PlacesSection, images_of, learned, places
+from benchmarks.places import ALL_CORES, PlacesSection, images_of, learned, places
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from benchmarks.robot import drives
 from benchmarks.robot.cameras import every_camera
@@ -30,10 +30,8 @@ from benchmarks.robot.drives import AFTER, BEFORE, REST, RESTING, Dull, Frames, 
 from lava_vpr import Localizer, train
 from lava_vpr.backends.asking import Asking, calibration_of
 from lava_vpr.backends.interface import Presentations, query_presentations
-from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
 from lava_vpr.engine.adaptation import Adaptation, Motion
-from lava_vpr.engine.presentations import cores
 from lava_vpr.matching.answers import Answerer, Answers, Together, accepted, answers_of, least_probability
 from lava_vpr.matching.beliefs import filtered
 from lava_vpr.matching.forward_filter import MOTIONS, NONE, ForwardFilter
@@ -97,7 +95,7 @@ def driven_map(where: Map, seed: int) -> DrivenMap:
     """Learn a map, and encode what it is shown."""
     model = integer_model(learned(where.learned, replace(preset("loihi"), seed=seed)), "driving")
     on, off = (query_presentations(model, places(section, 1, model.config)[0]) for section in where)
-    calibration = calibration_of(model, Pool(cores()))
+    calibration = calibration_of(model, ALL_CORES)
     if calibration is None:
         raise TypeError("an integer model has a calibration")
 

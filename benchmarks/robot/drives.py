@@ -10,11 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.places import FOLDERS, PlacesSection, images_of
+from benchmarks.places import ALL_CORES, FOLDERS, PlacesSection, images_of
 from lava_vpr.backends.interface import HostBackend, Presentations, query_presentations
-from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import encode_arrays
-from lava_vpr.engine.presentations import cores
 from lava_vpr.matching.decoders import margin
 from lava_vpr.model import Model, prepare
 from lava_vpr.traverse import open_traverse
@@ -77,7 +75,7 @@ def shown_of(model: Model, images: Iterator[Image]) -> Presentations:
 
 def scored(model: Model, shown: Presentations) -> NDArray[np.float64]:
     """What a network makes of presentations: scores (n, places)."""
-    return prepare(model)(HostBackend(Pool(cores())).count_spikes(model, shown)[0])
+    return prepare(model)(HostBackend(ALL_CORES).count_spikes(model, shown)[0])
 
 
 def noisy(images: Sequence[Image], frames: Frames, seed: int) -> Iterator[Image]:

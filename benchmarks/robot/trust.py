@@ -22,11 +22,10 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from benchmarks.learning_pays import encoded
-from benchmarks.places import places
+from benchmarks.places import ALL_CORES, places
 from benchmarks.program import BenchmarkTable, Printed, program, seeds_option
 from benchmarks.robot.day import CHOSEN, UNSEEN, Map
 from lava_vpr.backends.asking import calibration_of
-from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.presentations import cores
@@ -76,8 +75,8 @@ class ScoredMap(NamedTuple):
 
 def scored(images: AskedImages, config: Config) -> ScoredMap:
     """Learn a map and ask it."""
-    model = train([images.learned], config, pool=Pool(cores()))
-    calibration, scores_of = calibration_of(model, Pool(cores())), prepare(model)
+    model = train([images.learned], config, pool=ALL_CORES)
+    calibration, scores_of = calibration_of(model, ALL_CORES), prepare(model)
     if calibration is None:
         raise TypeError("an integer model has a calibration")
     on, off = (scores_of(count_query_spikes(model, some, threads=cores())[0]) for some in images[1:])
