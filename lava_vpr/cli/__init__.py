@@ -41,6 +41,11 @@ COMMANDS = {
         "datasets",
         "Describe the benchmark datasets, and check one.",
     ),
+    "protocol": (
+        "lava_vpr.cli.published.protocol",
+        "protocol",
+        "Run a protocol of the field, beside the figures that others printed.",
+    ),
     "study": ("lava_vpr.cli.study", "study", "Measure what one setting does to recall and cost, with several seeds."),
     "paper-table": (
         "lava_vpr.cli.published.paper_table",
