@@ -12,11 +12,12 @@ import click
 from lava_vpr.cli.common import PATH, RegisteredName, print_whole
 from lava_vpr.cli.evaluate import evaluate
 from lava_vpr.cli.nouns import jobs_option
-from lava_vpr.cli.outputs import show_results, write_json, write_text
+from lava_vpr.cli.outputs import show_results, write_text
 from lava_vpr.cli.train import train
 from lava_vpr.config import PRESETS
 from lava_vpr.datasets.protocol_rows import PROTOCOLS
 from lava_vpr.datasets.protocols import ANY, FoundImages, Names, Protocol, find_images
+from lava_vpr.errors import InputError, shown
 from lava_vpr.matching.forward_filter import NONE as UNFILTERED
 from lava_vpr.model import Model, load
 from lava_vpr.show.numbers import NONE, percent
@@ -29,7 +30,12 @@ RANKS = ("R@1", "R@5", "R@10")
 @click.argument("name", type=RegisteredName(PROTOCOLS), required=False)
 @click.argument("folder", type=PATH, required=False)
 @click.option(
-    "-o", "--output", type=PATH, default=None, metavar="DIR", help="Folder for the lists, the model and the figures."
+    "-o",
+    "--output",
+    type=PATH,
+    default=None,
+    metavar="DIR",
+    help="New folder for the lists, the model and the figures.",
 )
 @click.option("--part", is_flag=True, help="Take the images that are there, if some are missing.")
 @click.option("--preset", type=click.Choice(list(PRESETS)), default=None, help="As for train.")
@@ -72,14 +78,27 @@ def protocol(
 
 
 def _written(found: FoundImages, output: Path) -> Path:
-    """The file that says which places are right, once it and the lists of images stand in ``output``."""
-    output.mkdir(exist_ok=True)
-    for side, images in (("references", found.references), ("queries", found.queries)):
-        write_text(output / f"{side}.txt", "".join(f"{path.resolve()}\n" for path in images.values()))
-    if found.truth is not None:
-        return found.truth
-    write_json(output / "truth.json", {str(k): places for k, places in enumerate(found.right())})
-    return output / "truth.json"
+    """The file that says which places are right, once it and the lists of images stand in ``output``.
+
+    Raises:
+        InputError: the folder is there, but not with these lists.
+    """
+    sides = {"references": found.references, "queries": found.queries}
+    texts = {
+        f"{side}.txt": "".join(f"{path.resolve()}\n" for path in images.values()) for side, images in sides.items()
+    }
+    if found.truth is None:
+        texts["truth.json"] = json.dumps({str(k): places for k, places in enumerate(found.right())}) + "\n"
+    if output.exists():
+        if not all((output / name).is_file() and (output / name).read_text() == text for name, text in texts.items()):
+            raise InputError(
+                f"{shown(output)}: exists, and does not hold the lists of this protocol; name a new folder"
+            )
+    else:
+        output.mkdir()
+        for name, text in texts.items():
+            write_text(output / name, text)
+    return output / "truth.json" if found.truth is None else found.truth
 
 
 def _run(ctx: click.Context, command: click.Command, *words: object) -> None:

@@ -173,6 +173,11 @@ def test_what_is_missing_is_one_line() -> None:
     assert "29 learned, 3 recognised; a part: the protocol has 31 and 4, so these are not its figures" in told
     # Right are the neighbours by the publisher's list, not by what is there: 9 and 11 of 10, were it asked for.
     assert json.loads(Path("out/truth.json").read_text()) == {"0": [0, 1], "1": [17, 18, 19], "2": [27, 28]}
+    run(*ask, "--part", "--config", "quick.toml")  # the same lists: the folder is taken again
+    queries = Path("out/queries.txt")
+    queries.write_text("mine\n")
+    assert "out: exists, and does not hold the lists of this protocol; name a new folder" in fails(*ask, "--part")
+    assert queries.read_text() == "mine\n"
     for image in Path("images/ref").iterdir():
         image.unlink()
     assert "images/ref: holds no images" in fails(*ask, "--part")
