@@ -325,7 +325,7 @@ def _parts(encoder: EncoderConfig) -> dict[Keep, tuple[tuple[int, ...], type, Ca
             Keep.VECTORS: ((encoder.vector_values,), np.float32, np.asarray),
         }
     front_end = INPUTS[encoder.kind].front_end
-    pixels = {} if front_end is None else {Keep.GREY: ((front_end.height, front_end.width), np.uint8, front_end.seen)}
+    pixels = {} if front_end is None else {Keep.GREY: (front_end.shape, np.uint8, front_end.seen)}
     return {
         Keep.PATCHES: ((PATCH_SIDE, PATCH_SIDE), np.uint8, patch_normalised),
         Keep.THUMBNAILS: (small, np.uint8, thumbnail),

@@ -4,13 +4,15 @@
     LAVA_VPR_DATA=... python -m benchmarks events.lens --choose
 
 ``--choose`` is how settings were chosen, on places 0:50 alone: each line is a candidate, with the mean R@1 and R@100P
-over seeds of its best decoder, by their sum; of equal sums the first is taken, which has fewer views.
+over seeds of its best decoder, by their sum; of equal sums the first is taken, which has fewer views. The spiking front
+end has candidates of its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import NamedTuple
 
 import click
@@ -21,6 +23,8 @@ from numpy.typing import NDArray
 from benchmarks.places import images_of, recognised
 from benchmarks.program import BenchmarkTable, Printed, fraction, program
 from lava_vpr.config import Config, for_events, preset
+from lava_vpr.inputs.encoder import INPUTS, spiking_input
+from lava_vpr.inputs.front_end import EVENT_FRONT_END
 from lava_vpr.recognition import Comparison
 from lava_vpr.traverse import Traverse, open_traverse, vector_traverse
 from lava_vpr.vectors.files import Vectors
@@ -28,6 +32,7 @@ from lava_vpr.vectors.files import Vectors
 TOLERANCE = 3
 SEEDS = (0, 1, 2)
 PLAIN, EVENTS = preset("loihi"), for_events(preset("loihi"))
+SPIKING = replace(EVENTS, encoder=replace(EVENTS.encoder, kind="frontend-events"))
 CHOSEN_ON, UNSEEN, ALL = slice(0, 50), slice(50, 100), slice(0, 100)
 
 
@@ -41,6 +46,8 @@ class LearningWay(NamedTuple):
 
 WAYS: Mapping[str, LearningWay] = {
     "events": LearningWay(EVENTS),
+    "front end": LearningWay(SPIKING),
+    "front end, one view": LearningWay(replace(SPIKING, views=PLAIN.views)),
     "orientation": LearningWay(PLAIN),
     "counts": LearningWay(replace(PLAIN, encoder=replace(PLAIN.encoder, vector_dead_zone=0.0)), 14, 2.0),
 }
@@ -49,11 +56,14 @@ ROWS = (
     ("the same, decoder `contrast`", "events", "contrast"),
     ("cosine of the same inputs", "events", "cosine"),
     ("templates of the same inputs", "events", "template"),
+    ("**input `frontend-events`, decoder `standard`**", "front end", "standard"),
+    ("templates of the same inputs", "front end", "template"),
     ("SAD, three views", "events", "sad"),
     ("HOG, three views", "events", "hog"),
     ("input `orientation`, one view, `standard`", "orientation", "standard"),
     ("the same, `contrast`", "orientation", "contrast"),
     ("cosine of the same inputs", "orientation", "cosine"),
+    ("input `frontend-events`, one view, `standard`", "front end, one view", "standard"),
     ("SAD, one view", "orientation", "sad"),
     ("HOG, one view", "orientation", "hog"),
     ("cosine of 14 x 14 counts", "counts", "vectors"),
@@ -118,10 +128,20 @@ def candidates() -> Iterator[tuple[str, LearningWay]]:
                 yield name, LearningWay(config, cells, blur)
 
 
-def chosen() -> Printed:
+def front_ends() -> Iterator[tuple[str, LearningWay]]:
+    """Spiking front ends that were tried, by name; each is a kind of input for as long as it is looked at."""
+    for levels, white, octaves in product((8, 12, 16), (20, 25, 32, 40, 64), (2.0, 3.0)):
+        made = replace(EVENT_FRONT_END, levels=levels, white=white, pixel_octaves=octaves)
+        name = f"frontend-events, {levels} levels, {octaves:g} octaves below {white} events, 3 views"
+        row = INPUTS.register(spiking_input("candidate", made, "A candidate."))
+        yield name, LearningWay(replace(EVENTS, encoder=replace(EVENTS.encoder, kind=row.name)))
+        INPUTS.remove(row.name)
+
+
+def chosen(of: Iterator[tuple[str, LearningWay]]) -> Printed:
     """A line of each candidate, and the one that is chosen."""
     best: tuple[float, str] = (0.0, "none")
-    for name, way in candidates():
+    for name, way in of:
         found = {decoder: (r1, full) for decoder, (r1, _, _, full) in decoder_recall(way, CHOSEN_ON, ()).items()}
         sums = {decoder: round(sum(pair), 6) for decoder, pair in found.items()}
         decoder = max(sums, key=lambda one: sums[one])
@@ -136,7 +156,8 @@ def chosen() -> Printed:
 def main(choose: bool) -> Printed:
     """Recall on places that the search did not see (50:100), and on all; LENS's own: R@1 .63, R@5 .84, R@10 .95."""
     if choose:
-        yield from chosen()
+        yield from chosen(candidates())
+        yield from chosen(front_ends())
         return
     found = {(way, places.start): decoder_recall(WAYS[way], places, None) for way in WAYS for places in (UNSEEN, ALL)}
     columns = ["", "50:100: R@1", "R@5", "R@10", "R@100P", "0:100: R@1", "R@5", "R@10", "R@100P"]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
-from lava_vpr.inputs.front_end import FRONT_END, FrontEnd
+from lava_vpr.inputs.front_end import EVENT_FRONT_END, FRONT_END, FrontEnd
 from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.inputs.patches import HOG_VALUES, PATCH_SIDE, on_off
 from lava_vpr.inputs.vectors import as_rates, signed_channels, without_weak
@@ -33,9 +33,9 @@ class EncoderConfig:
 
     Attributes:
         kind: Name of a row in `INPUTS`: ``orientation`` (complex-cell edge channels), ``frontend`` (the spiking
-            front end, which has settings of its own), ``onoff`` or ``pixels`` (the
-            paper's patch-normalised ones), or ``events`` (``orientation`` of images of events); or of descriptors in
-            place of images ``vector`` or ``rates``.
+            front end, which has settings of its own), ``frontend-events`` (the same, which events drive), ``onoff`` or
+            ``pixels`` (the paper's patch-normalised ones), or ``events`` (``orientation`` of images of events); or of
+            descriptors in place of images ``vector`` or ``rates``.
         image_size: Side in pixels of the square image that the orientation channels are computed on.
         cell: Side in pixels of one pooling cell; ``image_size`` must be a multiple of it.
         orientations: Number of orientations, evenly spaced over 180 degrees.
@@ -168,7 +168,23 @@ def _line(channels: int, values: int) -> ChannelLayout:
     return ChannelLayout(channels, math.isqrt(max(0, values - 1)) + 1 if values else 0, values)
 
 
+def spiking_input(name: str, front_end: FrontEnd, legend: str) -> Input:
+    """The kind of input whose activity is the spikes of the front end's cells."""
+    return Input(
+        name,
+        layout=lambda encoder: ChannelLayout(front_end.orientations, front_end.grid),
+        sees="image",
+        activity=lambda image, encoder: front_end.spikes(image)[0].astype(np.float32).reshape(-1),
+        grey_levels=False,
+        drawing="strokes",
+        legend=legend,
+        oriented=True,
+        front_end=front_end,
+    )
+
+
 STROKES = "A stroke runs along the edge that excites the neuron; the longer and stronger, the larger the weight."
+EVENT_STROKES = STROKES.replace("the edge that excites", "the edge whose events excite")
 
 for _row in (
     Input(
@@ -181,17 +197,8 @@ for _row in (
         legend=STROKES,
         oriented=True,
     ),
-    Input(
-        "frontend",
-        layout=lambda encoder: ChannelLayout(FRONT_END.orientations, FRONT_END.grid),
-        sees="image",
-        activity=lambda image, encoder: FRONT_END.spikes(image)[0].astype(np.float32).reshape(-1),
-        grey_levels=False,
-        drawing="strokes",
-        legend=STROKES,
-        oriented=True,
-        front_end=FRONT_END,
-    ),
+    spiking_input("frontend", FRONT_END, STROKES),
+    spiking_input("frontend-events", EVENT_FRONT_END, EVENT_STROKES),
     Input(
         "onoff",
         layout=lambda encoder: ChannelLayout(2, PATCH_SIDE),
@@ -218,8 +225,7 @@ for _row in (
         activity=lambda image, encoder: _orientation_activity(saturated(image, encoder.saturation), encoder),
         grey_levels=False,
         drawing="strokes",
-        legend="A stroke runs along the edge whose events excite the neuron; the longer and stronger, the larger the "
-        "weight.",
+        legend=EVENT_STROKES,
         oriented=True,
     ),
     Input(
@@ -343,7 +349,7 @@ def check_encoded(encoded: EncodedTraverse, encoder: EncoderConfig, what: str) -
         ("vectors", encoded.vectors, np.float32, (n, encoder.vector_values)),
     ]
     if (front_end := INPUTS[encoder.kind].front_end) is not None:
-        parts.append(("grey", encoded.grey, np.uint8, (n, front_end.height, front_end.width)))
+        parts.append(("grey", encoded.grey, np.uint8, (n, *front_end.shape)))
     for name, array, dtype, shape in parts:
         if array is not None and (array.dtype != dtype or array.shape != shape):
             raise InputError(

@@ -1,13 +1,15 @@
 """The spiking front end: an image becomes spike counts of cells, by populations of integer neurons alone.
 
-An image is brought to ``width`` x ``width / 2`` grey pixels. From then on everything is spikes of the neurons that
+An image is brought to ``width`` x ``width / 2`` grey pixels; events come as they are. From then on everything is
+spikes of the neurons that
 `lava_vpr.engine.general` simulates (docs/network.md has their equations)::
 
     clock --> pixels --> filters --> pairs --> onsets --> cells <--> pools
           \\____________^
 
 1. **Pixels** integrate their grey level as a bias, and spike once: the brighter, the earlier, a step for each of
-   ``levels`` levels of the logarithm. The clock sees to it: neuron s of this chain spikes in step s.
+   ``levels`` levels of the logarithm. The clock sees to it: neuron s of this chain spikes in step s. Or **events** are
+   spikes that pixels add up in the ``window`` steps before.
 2. **Filters** are derivatives in ``2 orientations`` directions at every pixel of every other column. Their currents
    keep what pixels add, so that membranes integrate weight times level. Then the clock raises all membranes alike, so
    that a filter spikes the earlier the larger the logarithm of its response: once, in one of ``race`` steps.
@@ -59,7 +61,8 @@ class FrontEnd:
         orientations: Channels, evenly spaced over 180 degrees: a multiple of 8.
         reach: Cells to each side that a pool listens to.
         levels: Levels of a pixel, one a step.
-        pixel_octaves: Octaves of grey level that they span.
+        white: The least grey level, or number of events, that spikes in the first of these steps.
+        pixel_octaves: Octaves below it that the levels span.
         across, down: Weights that a filter smooths with along a row and along a column, before it takes differences.
         unit: What a filter's weights are made whole with.
         race: Steps in which filters spike.
@@ -67,6 +70,8 @@ class FrontEnd:
         top: The response that spikes first, as a share of half the product of the weights' sums, ``unit`` and levels.
         budget: Spikes around after which a pool spikes; of those at the edge of the image, in proportion.
         most: Most spikes of a cell.
+        window: Steps in which events arrive, before those of the levels; 0: images of grey levels are shown.
+        axons: Rows and columns of axons of a pixel, which events arrive on.
     """
 
     width: int = 64
@@ -74,6 +79,7 @@ class FrontEnd:
     orientations: int = 8
     reach: int = 2
     levels: int = 32
+    white: int = 255
     pixel_octaves: float = 4.0
     across: tuple[int, ...] = (1, 3, 4, 3, 1)
     down: tuple[int, ...] = (1, 4, 1)
@@ -83,6 +89,8 @@ class FrontEnd:
     top: float = 1.0
     budget: int = 120
     most: int = 7
+    window: int = 0
+    axons: int = 2
 
     def __post_init__(self) -> None:
         for name, value, unit in (
@@ -99,6 +107,12 @@ class FrontEnd:
     def height(self) -> int:
         """Rows of pixels."""
         return self.width // 2
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of what `seen` makes of an image."""
+        each = self.axons if self.window else 1
+        return self.height * each, self.width * each
 
     @property
     def grid(self) -> int:
@@ -123,7 +137,7 @@ class FrontEnd:
     @property
     def end(self) -> int:
         """The step in which the clock silences all cells: pixels, race, and what its last spike takes to the cells."""
-        return self.levels + self.race + 3
+        return self.window + self.levels + self.race + 3
 
     @property
     def populations(self) -> dict[str, int]:
@@ -161,9 +175,9 @@ class FrontEnd:
 
     @cached_property
     def grey_levels(self) -> NDArray[np.int64]:
-        """The least grey level that spikes in each step, (levels,): all do in the last."""
+        """The least grey level, or number of events, that spikes in each step, (levels,): all do in the last."""
         shares = np.arange(self.levels - 1, 0, -1) / self.levels
-        least = np.ceil(255 * 2.0 ** (self.pixel_octaves * (shares - 1)))
+        least = np.ceil(self.white * 2.0 ** (self.pixel_octaves * (shares - 1)))
         return np.append(least, 0).astype(np.int64)
 
     @cached_property
@@ -175,8 +189,8 @@ class FrontEnd:
 
     @property
     def pixel_threshold(self) -> int:
-        """Threshold of pixels: the grey levels of the first step are above."""
-        return int(self.grey_levels[0]) - 1
+        """Threshold of pixels: the grey levels of the first step are above; all events of a window are not."""
+        return self.window * self.axons**2 if self.window else int(self.grey_levels[0]) - 1
 
     @property
     def filter_threshold(self) -> int:
@@ -186,13 +200,15 @@ class FrontEnd:
 
     @cached_property
     def pixel_clock(self) -> NDArray[np.int64]:
-        """What the clock's spike of each step adds to pixels, (levels - 1,).
+        """What the clock's spikes add to pixels, so that these are above the threshold from the level on that is due.
 
-        In step t a pixel of grey level g has integrated (t + 1) g and what the clock added; it is above the threshold
-        from the level on that is due.
+        In step t a pixel of grey level g has integrated (t + 1) g and what the clock added from the second step on,
+        (levels - 1,). One that n events have reached stays at n, and the clock adds to it from the first step on,
+        (levels,).
         """
-        due: NDArray[np.int64] = np.arange(1, self.levels + 1) * self.grey_levels
-        return due[:-1] - due[1:]
+        if self.window:
+            return -np.diff(self.grey_levels, prepend=self.pixel_threshold + 1)
+        return -np.diff(np.arange(1, self.levels + 1) * self.grey_levels)
 
     @cached_property
     def filter_clock(self) -> NDArray[np.int64]:
@@ -257,25 +273,53 @@ class FrontEnd:
         )
 
     def seen(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """``image`` (h, w) or (h, w, 3) BGR as the pixels take it, grey, uint8 (height, width)."""
-        small = averaged(image, self.width, self.height)
-        return small if small.ndim == 2 else np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.uint8)
+        """What the front end is given of ``image`` (h, w) or (h, w, 3) BGR, uint8 (`shape`).
+
+        Grey levels of pixels; or the events that each axon carries: every event of the sensor goes to one axon, which
+        carries one a step, ``window`` at most.
+        """
+        if not self.window:
+            return _grey(averaged(image, self.width, self.height))
+        events, counts = _grey(image), np.zeros(self.shape, np.int64)
+        for axis, pixels in enumerate((self.height, self.width)):  # a sensor of fewer: each of its own is several
+            events = events.repeat(max(1, -(-pixels // events.shape[axis])), axis)
+        rows, columns = (np.arange(n) * to // n for n, to in zip(events.shape, self.shape, strict=True))
+        np.add.at(counts, np.ix_(rows, columns), events)
+        return np.minimum(counts, self.window).astype(np.uint8)
+
+    def levels_of(self, shown: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """What each pixel adds up of what `seen` made, (..., *shape): uint8 (..., height, width)."""
+        if not self.window:
+            return shown
+        blocks = shown.reshape(*shown.shape[:-2], self.height, self.axons, self.width, self.axons)
+        return blocks.sum(axis=(-3, -1), dtype=np.uint8)
+
+    def events(self, shown: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Events as spikes of axons: those of a window spread evenly over its steps, bool (n, steps, axons).
+
+        Args:
+            shown: How many events each axon carries (`seen`), uint8 (n, *shape).
+        """
+        made = np.zeros((len(shown), self.steps, math.prod(self.shape)), bool)
+        counts, now = shown.reshape(len(shown), 1, -1).astype(np.int64), np.arange(self.window + 1)[:, None]
+        made[:, : self.window] = np.diff(counts * now // self.window, axis=1) > 0
+        return made
 
     def spikes(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """The spikes of cells, int32 (orientations, grid, grid), and of each population after the clock, int64 (6,)."""
-        _, (counts, spikes, _, _) = counted(self.seen(image), self.numbers)
+        _, (counts, spikes, _, _) = counted(self.levels_of(self.seen(image)), self.numbers)
         return counts, spikes
 
     def trains(self, grey: NDArray[np.uint8]) -> dict[str, NDArray[np.uint8]]:
         """Every spike of each population by name, uint8 (n, steps, neurons).
 
         Args:
-            grey: What the pixels take of each image (`seen`), uint8 (n, height, width).
+            grey: What the front end is given of each image (`seen`), uint8 (n, *shape).
         """
         films = {name: np.zeros((len(grey), self.steps, n), np.uint8) for name, n in self.populations.items()}
         films["clock"][:, np.arange(self.end), np.arange(self.end)] = 1
         now = np.arange(self.steps)[:, None]
-        for number, image in enumerate(grey):
+        for number, image in enumerate(self.levels_of(grey)):
             times, (counts, _, onsets, silent) = counted(image, self.numbers)
             both = np.maximum(np.roll(times, self.apart, axis=2), np.roll(times, -self.apart, axis=2))
             steps = {
@@ -286,11 +330,17 @@ class FrontEnd:
                 "pools": silent - 1,
             }
             for name, each in steps.items():
-                films[name][number] = now == each.reshape(-1)
-            begun = onsets.reshape(-1)
+                films[name][number] = now == each.reshape(-1) + self.window
+            begun = onsets.reshape(-1) + self.window
             films["cells"][number] = (now > begun) & (now <= begun + counts.reshape(-1))
         return films
 
 
+def _grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
 FRONT_END = FrontEnd()
 """The front end of the input ``frontend``."""
+EVENT_FRONT_END = FrontEnd(levels=16, white=25, pixel_octaves=3.0, window=16)
+"""The front end of the input ``frontend-events``, as `benchmarks.events.lens` chose it."""

@@ -81,6 +81,14 @@ def synapses(spec: FrontEnd) -> Iterator[Projection]:
             yield Projection(source, target, part, exponent)
 
 
+def event_synapses(spec: FrontEnd) -> csr_matrix:
+    """Weights from the axons of events to pixels, int32 (pixels, axons): one for each axon."""
+    rows, columns = (np.arange(n) // spec.axons for n in spec.shape)
+    pixels = (rows[:, None] * spec.width + columns).ravel()
+    ones, axons = np.ones(len(pixels), np.int32), np.arange(len(pixels))
+    return csr_matrix((ones, (pixels, axons)), (spec.populations["pixels"], len(pixels)))
+
+
 def _parts(weights: csr_matrix) -> Iterator[tuple[csr_matrix, int]]:
     """``weights`` as parts of 8 bits with their exponents, of each sign, which add up to it."""
     for sign in (1, -1):
@@ -101,12 +109,13 @@ def _weights(spec: FrontEnd) -> dict[tuple[str, str], csr_matrix]:
     """Weights (post, pre) by source and target, of any size."""
     sizes = spec.populations
     ends, cells = np.array([spec.end - 1]), np.arange(sizes["cells"])
-    race = np.arange(spec.levels - 1, spec.levels + spec.race)
+    begun = spec.window + spec.levels - 1
+    levels, race = begun + np.arange(-len(spec.pixel_clock), 0), begun + np.arange(spec.race + 1)
     within, at = _around(spec)
     pools = np.arange(sizes["pools"])
     made: dict[tuple[str, str], Pairs] = {
         ("clock", "clock"): (np.arange(1, sizes["clock"]), np.arange(sizes["clock"] - 1), np.array([1])),
-        ("clock", "pixels"): _ticks(sizes["pixels"], np.arange(spec.levels - 1), spec.pixel_clock),
+        ("clock", "pixels"): _ticks(sizes["pixels"], levels, spec.pixel_clock),
         ("clock", "filters"): _ticks(sizes["filters"], race, spec.filter_clock),
         ("clock", "cells"): _ticks(sizes["cells"], ends, np.array([-spec.silencing])),
         ("clock", "pools"): (pools, np.array([0]), spec.budgets.max() - spec.budgets.ravel()),

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from lava.proc.io.source import RingBuffer
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
 from lava_vpr.inputs.front_end import FrontEnd
-from lava_vpr.inputs.front_end_network import BIAS_EXPONENT, NeuronGroup, populations, synapses
+from lava_vpr.inputs.front_end_network import BIAS_EXPONENT, NeuronGroup, event_synapses, populations, synapses
 from lava_vpr.processes.base.magma import (
     AbstractSubProcessModel,
     CheckedProcess,
@@ -28,10 +29,11 @@ class FrontEndNetwork(CheckedProcess):
 
     Presents one image after another, each for ``spec.steps`` steps. A run that prefers SubProcessModels puts Lava's
     LIFReset and Sparse in their place, and nothing else: what a board can run. It takes one image; `write` brings the
-    others between runs.
+    others between runs. Where events drive the pixels, Lava's RingBuffer sends them.
 
     Ports: spikes of each population, by its name: ``clock``, ``pixels``, ``filters``, ``pairs``, ``onsets``, ``cells``,
-    ``pools``. Var: ``bias_mant`` (pixels,), the grey levels of the image that is presented.
+    ``pools``. Var ``shown``: the grey levels of the image that is presented, (pixels,); or the events of all images, a
+    spike each, (axons, n steps).
     """
 
     def __init__(self, *, spec: FrontEnd, grey: NDArray[np.uint8], **kwargs: Any) -> None:
@@ -39,30 +41,35 @@ class FrontEndNetwork(CheckedProcess):
 
         Args:
             spec: The front end.
-            grey: What its pixels take of each image (`FrontEnd.seen`), uint8 (n, height, width), n at least 1.
+            grey: What it is given of each image (`FrontEnd.seen`), uint8 (n, *spec.shape), n at least 1.
         Raises:
             NetworkLimitError: images of another type or shape.
         """
-        shape = (spec.height, spec.width)
+        shape = spec.shape
         fits = grey.dtype == np.uint8 and grey.ndim == 3 and grey.shape[1:] == shape and len(grey) > 0
         need(fits, "FrontEndNetwork: images", f"{grey.dtype} {grey.shape}", f"uint8 (n, {shape[0]}, {shape[1]})")
         super().__init__(spec=spec, grey=grey, **kwargs)
-        self.spec, self.grey = spec, grey.reshape(len(grey), -1).astype(np.int32)
+        self.spec, self.grey = spec, grey
         clock, pixels, filters, pairs, onsets, cells, pools = ((size,) for size in spec.populations.values())
         self.clock, self.pixels = OutPort(clock), OutPort(pixels)
         self.filters, self.pairs = OutPort(filters), OutPort(pairs)
         self.onsets, self.cells, self.pools = OutPort(onsets), OutPort(cells), OutPort(pools)
-        self.bias_mant = Var(shape=(self.grey.shape[1],))
+        self.shown = Var(shape=_events(spec, grey).shape if spec.window else pixels)
 
     def write(self, grey: NDArray[np.uint8], floating: bool = False) -> None:
-        """Set what the pixels take of an image while the run is paused, from the next step on.
+        """Set what is shown while the run is paused, from the next step on.
 
         Args:
-            grey: uint8 (height, width).
+            grey: uint8 (*spec.shape,).
             floating: The run is of Lava's own floating-point models, whose biases are in the threshold's unit.
         """
-        levels = grey.reshape(-1).astype(np.int32)
-        self.bias_mant.set(levels.astype(float) if floating else levels)
+        made = _events(self.spec, grey[None]) if self.spec.window else grey.reshape(-1).astype(np.int32)
+        self.shown.set(made.astype(float) if floating else made)
+
+
+def _events(spec: FrontEnd, counts: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """The events of every step of all presentations, int32 (axons, n steps)."""
+    return spec.events(counts).reshape(len(counts) * spec.steps, -1).T.astype(np.int32)
 
 
 @implements(proc=FrontEndNetwork, protocol=LoihiProtocol)
@@ -70,26 +77,36 @@ class SubFrontEndNetwork(AbstractSubProcessModel):
     """The populations and synapses of the spec. Every arrow takes one step."""
 
     def __init__(self, proc: FrontEndNetwork) -> None:
+        spec, n = proc.spec, len(proc.grey)
+        levels = proc.grey.reshape(n, -1).astype(np.int32)
+        biases = None if spec.window else BiasTable(levels, np.full(n, BIAS_EXPONENT, np.int32))
+
         def made(name: str, one: NeuronGroup) -> ExcitatoryLIF:
-            shown = BiasTable(proc.grey, np.full(len(proc.grey), BIAS_EXPONENT, np.int32)) if name == "pixels" else None
             return ExcitatoryLIF(
                 shape=(one.size,),
                 du=one.du,
                 dv=one.dv,
                 vth=one.threshold,
                 bias_mant=0 if one.bias is None else one.bias,
-                reset_interval=proc.spec.steps,
-                bias_table=shown,
+                reset_interval=spec.steps,
+                bias_table=biases if name == "pixels" else None,
             )
 
-        neurons = {name: made(name, one) for name, one in populations(proc.spec).items()}
-        parts: dict[str, ExcitatoryLIF | SparseSynapses] = {**neurons}
-        for number, one in enumerate(synapses(proc.spec)):
+        neurons = {name: made(name, one) for name, one in populations(spec).items()}
+        parts: dict[str, ExcitatoryLIF | SparseSynapses | RingBuffer] = {**neurons}
+        for number, one in enumerate(synapses(spec)):
             between = SparseSynapses(weights=one.weights, weight_exp=one.exponent)
             neurons[one.source].s_out.connect(between.s_in)
             between.a_out.connect(neurons[one.target].a_in)
             parts[f"synapses_{number}"] = between
         for name, population in neurons.items():
             population.s_out.connect(getattr(proc, name))
-        proc.bias_mant.alias(neurons["pixels"].bias_mant)
+        if spec.window:
+            source, axons = RingBuffer(data=_events(spec, proc.grey)), SparseSynapses(weights=event_synapses(spec))
+            source.s_out.connect(axons.s_in)
+            axons.a_out.connect(neurons["pixels"].a_in)
+            parts |= {"source": source, "axons": axons}
+            proc.shown.alias(source.data)
+        else:
+            proc.shown.alias(neurons["pixels"].bias_mant)
         self.__dict__.update(parts)  # where Lava looks for them

@@ -11,7 +11,7 @@ from support.literal import front_end as literal
 from lava_vpr.encoding import encode_arrays
 from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.encoder import EncoderConfig
-from lava_vpr.inputs.front_end import FRONT_END, FrontEnd
+from lava_vpr.inputs.front_end import EVENT_FRONT_END, FRONT_END, FrontEnd
 from lava_vpr.synthetic.world import World, render
 
 
@@ -26,8 +26,16 @@ def images(seed: int, spec: FrontEnd) -> NDArray[np.uint8]:
     return drawn.astype(np.uint8)
 
 
+def events(seed: int, spec: FrontEnd) -> NDArray[np.uint8]:
+    """What axons carry of four windows of a sensor, from few events to more than they can, uint8 (4, *shape)."""
+    rng = np.random.default_rng(seed)
+    height, width = spec.shape
+    sensor = (3 * height // 2, 3 * width // 2)
+    return np.array([spec.seen(rng.poisson(mean, sensor).astype(np.uint8)) for mean in (0.1, 1, 4, 20)])
+
+
 @pytest.mark.quick(1)
-@pytest.mark.parametrize("width", [8, 16])
+@pytest.mark.parametrize(("width", "window"), [(8, 0), (16, 0), (8, 1), (8, 11)])
 @settings(max_examples=4, deadline=None)
 @given(
     seed=st.integers(0, 1 << 32),
@@ -37,9 +45,9 @@ def images(seed: int, spec: FrontEnd) -> NDArray[np.uint8]:
     race=st.integers(1, 16),
     most=st.integers(1, 15),
 )
-def test_the_kernel_spikes_as_the_populations_do(width: int, seed: int, **numbers: int) -> None:
-    spec = FrontEnd(width, **numbers)
-    shown = images(seed, spec)
+def test_the_kernel_spikes_as_the_populations_do(width: int, window: int, seed: int, **numbers: int) -> None:
+    spec = FrontEnd(width, window=window, white=5 * window or 255, **numbers)
+    shown = events(seed, spec) if window else images(seed, spec)
     films, own = literal.trains(spec, shown), spec.trains(shown)
     assert (films["clock"].sum(axis=1) == 1).all()
     assert (films["pixels"].sum(axis=1) == 1).all()
@@ -50,6 +58,27 @@ def test_the_kernel_spikes_as_the_populations_do(width: int, seed: int, **number
         counts, spikes = spec.spikes(image)
         assert np.array_equal(counts.ravel(), films["cells"][number].sum(axis=0))
         assert spikes.tolist() == [film[number].sum() for film in films.values()][1:]
+
+
+@pytest.mark.parametrize("sensor", [(96, 128), (80, 80), (32, 64)])
+def test_every_event_is_a_spike_of_the_axon_at_its_address(sensor: tuple[int, int]) -> None:
+    image = np.zeros(sensor, np.uint8)
+    image[-1, 7] = 3
+    image[2, 5] = 200  # more than a window's steps
+    shown = EVENT_FRONT_END.seen(image)
+    (height, width), (rows, columns) = shown.shape, sensor
+    at = [(y * height // rows, x * width // columns) for y, x in ((2, 5), (rows - 1, 7))]
+    assert [tuple(axon) for axon in np.argwhere(shown)] == at
+    assert shown[shown > 0].tolist() == [EVENT_FRONT_END.window, 3]
+    spikes = EVENT_FRONT_END.events(shown[None])[0]
+    assert np.array_equal(spikes.sum(axis=0), shown.ravel())
+    assert not spikes[EVENT_FRONT_END.window :].any()
+    assert spikes[: EVENT_FRONT_END.window // 2].sum() == 8 + 1  # evenly over the window
+
+
+def test_each_pixel_has_events_of_a_sensor_that_has_fewer() -> None:
+    shown = EVENT_FRONT_END.seen(np.full((20, 31), 5, np.uint8))
+    assert EVENT_FRONT_END.levels_of(shown).all()
 
 
 def test_what_a_presentation_takes_is_within_what_was_asked() -> None:

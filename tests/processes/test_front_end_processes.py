@@ -26,10 +26,14 @@ from lava_vpr.synthetic.world import World, render
 
 pytestmark = pytest.mark.lava
 TINY = FrontEnd(8, budget=12)
+TINY_EVENTS = FrontEnd(8, budget=12, levels=12, window=6, white=18)
 
 
 def grey(spec: FrontEnd, images: int) -> NDArray[np.uint8]:
-    """What pixels take of places of the built-in world, uint8 (images, height, width)."""
+    """What is shown of places of the built-in world, or of an edge with events, uint8 (images, *shape)."""
+    if spec.window:
+        rates = np.linspace(0.1, spec.window, spec.shape[1])
+        return np.array([spec.seen(np.random.default_rng(k).poisson(rates, spec.shape)) for k in range(images)])
     return np.array([spec.seen(render(World(0), place, "summer")) for place in range(images)])
 
 
@@ -52,6 +56,12 @@ def differing(job: str, spec: FrontEnd, images: int, tag: str = "fixed_pt") -> d
 )
 def test_a_small_front_end_spikes_as_on_the_host(job: str, images: int) -> None:
     assert set(differing(job, TINY, images).values()) == {0}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("job", ["composed", "library"])
+def test_events_drive_it_as_on_the_host(job: str) -> None:
+    assert set(differing(job, TINY_EVENTS, 3).values()) == {0}
 
 
 @pytest.mark.slow

@@ -5,19 +5,22 @@ Used by inputs.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import LifParameters
-from lava_vpr.engine.general.simulation import GeneralNetwork, Population, Synapses, simulate
+from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses, simulate
 from lava_vpr.inputs.front_end import FrontEnd
-from lava_vpr.inputs.front_end_network import BIAS_EXPONENT, populations, synapses
+from lava_vpr.inputs.front_end_network import BIAS_EXPONENT, event_synapses, populations, synapses
 
 
 def network(spec: FrontEnd, grey: NDArray[np.uint8]) -> GeneralNetwork:
-    """The network that is shown grey images (n, rows, columns), one after the other."""
+    """The network that is shown what `FrontEnd.seen` made (n, rows, columns), one after the other."""
     found, places = populations(spec), list(spec.populations)
-    shown = {"pixels": (grey.reshape(len(grey), -1).astype(np.int64), np.full((len(grey), 1), BIAS_EXPONENT))}
+    biases = grey.reshape(len(grey), -1).astype(np.int64), np.full((len(grey), 1), BIAS_EXPONENT)
+    shown = {} if spec.window else {"pixels": biases}
     rows = (
         Population(
             np.full(one.size, one.threshold),
@@ -37,12 +40,15 @@ def network(spec: FrontEnd, grey: NDArray[np.uint8]) -> GeneralNetwork:
         )
         for one in synapses(spec)
     )
-    return GeneralNetwork(1, tuple(rows), tuple(between))
+    if not spec.window:
+        return GeneralNetwork(1, tuple(rows), tuple(between))
+    arriving = Synapses(INPUTS, places.index("pixels"), event_synapses(spec).T.toarray())
+    return GeneralNetwork(math.prod(spec.shape), tuple(rows), (arriving, *between))
 
 
 def trains(spec: FrontEnd, grey: NDArray[np.uint8]) -> dict[str, NDArray[np.uint8]]:
     """Every spike of each population, uint8 (n, steps, neurons), by name."""
-    silence = np.zeros((len(grey) * spec.steps, 1), bool)
-    films = simulate(network(spec, grey), silence).spikes
+    axons = spec.events(grey) if spec.window else np.zeros((len(grey), spec.steps, 1), bool)
+    films = simulate(network(spec, grey), axons.reshape(len(grey) * spec.steps, -1)).spikes
     shape = len(grey), spec.steps, -1
     return {name: film.reshape(shape).astype(np.uint8) for name, film in zip(spec.populations, films, strict=True)}
