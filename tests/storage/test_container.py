@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import struct
 import tracemalloc
 import zipfile
@@ -270,3 +271,14 @@ def test_what_a_file_unpacks_to_is_bounded_by_its_size(tmp_path: Path, monkeypat
         container.unpack(data, PATH, "model")
     monkeypatch.setenv("LAVA_VPR_MAX_UNPACKED_TIMES", "2000")
     assert container.unpack(data, PATH, "model")[1]["x"].nbytes == 65 << 20
+
+
+def test_the_docs_read_a_models_arrays_with_numpy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "exchange.md").read_text()
+    (snippet,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    container.save(tmp_path / "route.lvpr", "model", {"k": 1}, {"network.weights": ARRAY})
+    monkeypatch.chdir(tmp_path)
+    read: dict[str, object] = {}
+    exec(snippet, read)
+    assert np.array_equal(read["weights"], ARRAY)
+    assert read["header"] == {"k": 1}
