@@ -255,15 +255,15 @@ def test_verdicts_as_json() -> None:
 @pytest.mark.lava
 @pytest.mark.data
 @pytest.mark.slow
-@pytest.mark.parametrize("bits", range(1, 9))
-def test_real_queries_on_every_backend(bits: int, data_root: Path) -> None:
+@pytest.mark.parametrize(("bits", "mode"), [*((bits, "injected") for bits in range(1, 9)), (3, "bias")])
+def test_real_queries_on_every_backend(bits: int, mode: str, data_root: Path) -> None:
     """Host, composed, fused and library-wired network: every spike of every population, for every width of weights.
 
     Of the preset's width twenty queries, of any other four: what a width changes is in every one of them.
     """
-    config = update(preset("loihi"), {"network": {"signed": bits < 8}})  # 8 bits leave none for a sign
+    config = update(preset("loihi"), {"network": {"signed": bits < 8, "input_mode": mode}})  # 8 bits: none for a sign
     config = update(config, {"network": {"weight_bits": bits}})
-    model, count = learn(SECTIONS[0], config), 20 if config == preset("loihi") else 4
+    model, count = learn(SECTIONS[0], config), 20 if bits == preset("loihi").network.weight_bits else 4
     queries = real("winter", config.encoder).take(slice(0, count))
     host = HostBackend().trains(model, query_presentations(model, queries))
     assert host.exc.any(axis=(1, 2)).all()

@@ -8,8 +8,6 @@ from hypothesis import given, settings, strategies as st
 from hypothesis.extra.numpy import arrays
 from support.common.small_models import encoded
 
-from lava_vpr.backends.deployed import BundleBackend
-from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import LifNetwork, preset
 from lava_vpr.configfile import update
@@ -92,26 +90,10 @@ def test_nothing_of_its_own_is_refused() -> None:
         pruned(np.ones((2, 2)), 1.5)
 
 
-def test_a_bundle_spikes_as_the_host_does() -> None:
-    model = requantised(small_fast())
-    queries = encoded(8, 2048, noise=0.3)
-    shown = query_presentations(model, queries, 3)
-    host, _ = HostBackend().count_spikes(model, shown)
-    simulated, _ = BundleBackend().count_spikes(model, shown)
-    assert host.any()
-    assert np.array_equal(simulated, host)
-
-
 def test_the_host_can_send_its_spikes() -> None:
     spikes = preset("fast").encoder.query_spikes
     assert spikes + DEVIATIONS * spikes**0.5 <= HOST_SPIKES
     assert len(plan_of(requantised(small_fast()), KAPOHO_BAY).cores) == 1
-
-
-def test_a_query_has_the_same_rates_in_any_batch() -> None:
-    activity = np.random.default_rng(1).random((70, 2048)).astype(np.float32)
-    together = query_rates(activity, preset("fast"))
-    assert np.array_equal(together, np.concatenate([query_rates(row[None], preset("fast")) for row in activity]))
 
 
 @pytest.mark.slow

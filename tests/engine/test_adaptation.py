@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 from support.common.small_models import small_model
 
 from lava_vpr.engine.adaptation import Adaptation, Motion, RunningMean
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
-from lava_vpr.engine.random import image_keys, presentation_keys
-from lava_vpr.errors import NetworkLimitError
+from lava_vpr.engine.inference.fixed import FixedNetwork
 
 TAU = 7.0
 
@@ -139,20 +137,3 @@ def test_a_mean_moves_by_its_share() -> None:
     values = np.array([[1.0, 0.0], [1.0, 4.0], [1.0, 0.0]])
     means = RunningMean(np.zeros(2), 4.0).before(values, np.array([True, False, True]))
     assert means.tolist() == [[0.0, 0.0], [0.25, 0.0], [0.25, 0.0]]
-
-
-def test_the_engine_takes_biases_of_each_presentation() -> None:
-    spec, shown = network(), rates(6)
-    keys = presentation_keys(0, "query", image_keys(shown))
-    biases = Adaptation(spec, TAU).biases(shown)
-    together, _, _ = count_spikes(spec, shown, keys, bias=biases, threads=2)
-    own, _, _ = count_spikes(spec, shown, keys)
-    assert np.array_equal(together[0], own[0])
-    assert (together != own).any()
-    for i in range(6):
-        alone, _, _ = count_spikes(spec, shown[i : i + 1], keys[i : i + 1], bias=biases[i : i + 1])
-        assert np.array_equal(alone[0], together[i])
-    wrong = biases.copy()
-    wrong[0, 0] = spec.highest_bias + 1
-    with pytest.raises(NetworkLimitError, match="spike without input"):
-        count_spikes(spec, shown, keys, bias=wrong)

@@ -166,24 +166,6 @@ def test_input_sums_carry_over_from_chunk_to_chunk(longest: int, span: int) -> N
     np.testing.assert_array_equal(np.concatenate(chunks), expected)
 
 
-def test_batches_threads_order_and_repetition_change_nothing() -> None:
-    config = small()
-    state = initial_state(config, INPUTS)
-    rates, keys = some_rates(7, seed=6), presentation_keys(0, "query", np.arange(7))
-    counts, events = count_spikes(state, rates, keys, config)
-    for threads in (1, 2, 3, 50):
-        again, same = count_spikes(state, rates, keys, config, threads=threads)
-        np.testing.assert_array_equal(again, counts)
-        assert same == events
-    singles = [count_spikes(state, rates[q : q + 1], keys[q : q + 1], config) for q in range(7)]
-    np.testing.assert_array_equal(np.concatenate([c for c, _ in singles]), counts)
-    assert {name: sum(e[name] for _, e in singles) for name in events} == events
-    reverse, _ = count_spikes(state, rates[::-1], keys[::-1], config)
-    np.testing.assert_array_equal(reverse[::-1], counts)
-    other, _ = count_spikes(state, rates, presentation_keys(1, "query", np.arange(7)), config)
-    assert not np.array_equal(other, counts)
-
-
 def test_training_is_deterministic_and_does_not_depend_on_memory_order() -> None:
     config = small()
     results = []

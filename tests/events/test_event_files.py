@@ -26,11 +26,10 @@ from support.common.eventfiles import (
     header,
     made,
     packet,
-    repacked,
     tonic,
     written,
 )
-from support.fuzz.changes import stored, zipped
+from support.fuzz.changes import zipped
 
 from lava_vpr.errors import InputError
 from lava_vpr.events.camera import WRITTEN, Sent, write_events
@@ -366,12 +365,6 @@ def test_an_archive_within_an_archive_is_bounded(tmp_path: Path) -> None:
     refused(path, "1,001 entries, more than 1,000")
 
 
-@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-def test_an_archive_packed_otherwise_than_by_numpy_is_refused(method: int, tmp_path: Path) -> None:
-    path = repacked(tonic(tmp_path / "a.npz", EVENTS), method)
-    refused(path, "entry 'events.npy' is encrypted, or packed otherwise than numpy.savez does")
-
-
 @pytest.mark.parametrize(
     "header",
     [
@@ -398,12 +391,6 @@ def test_an_array_shorter_or_longer_than_its_header_says_is_refused(descr: str, 
     member = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text + bytes(24 * descr.count("i8"))
     (tmp_path / "a.npz").write_bytes(zipped([(f"{name}.npy", member) for name in ("events", "t", "x", "y")]))
     refused(tmp_path / "a.npz", "events is not as long as its header says")
-
-
-def test_an_archive_that_names_an_array_twice_is_refused(tmp_path: Path) -> None:
-    """NumPy takes the last."""
-    (tmp_path / "a.npz").write_bytes(zipped([(f"{name}.npy", stored(EVENTS.t)) for name in "txyt"]))
-    refused(tmp_path / "a.npz", "it has a second entry 't.npy'")
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from lava.proc.lif.models import PyLifModelBitAcc
@@ -11,12 +9,6 @@ from numpy.typing import NDArray
 from support.lava.model_harness import build, drive
 from support.lava.small_networks import FIXED, FLOAT, Arrays, Runs, hold_in_lava, random_network
 
-from benchmarks.places import SECTIONS, encoded as real, learn
-from lava_vpr.backends import registry as backends
-from lava_vpr.backends.interface import query_presentations
-from lava_vpr.backends.verification import verify
-from lava_vpr.config import preset
-from lava_vpr.configfile import update
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.biases import LEVEL, bias_input_spikes, biases, start_membranes
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
@@ -119,21 +111,3 @@ def check_board(network: FixedNetwork, shown: Arrays, got: Arrays) -> None:
     network_out = [f"PlaceNetwork.{port} NxToPyAdapter" for port in ("s_out", "s_out_inh")]
     assert got["crossed"].tolist() == ["BiasInputs.s_out None", *network_out]
     assert got["writes"].tolist() == [1, 3, 3, 1]
-
-
-@pytest.mark.data
-@pytest.mark.slow
-def test_twenty_real_queries_with_a_bias_on_every_backend(data_root: Path) -> None:
-    config = update(preset("loihi"), {"network": {"input_mode": "bias"}})
-    model = learn(SECTIONS[0], config)
-    queries = real("winter", config.encoder).take(slice(0, 20))
-    names = ("lava-fixed", "lava-fused", "lava-library")
-    host = backends.get("host").trains(model, query_presentations(model, queries))
-    assert host.exc.any(axis=(1, 2)).all()
-    every = sum(int(train.sum()) for train in (host.inputs, host.exc, host.inh) if train is not None)
-    assert every > 0.9 * 20 * config.encoder.query_spikes * model.network.steps  # as many inputs as were asked for
-    for verdict in verify(model, queries, np.eye(20, 100, dtype=bool), names=names):
-        print(f"{verdict.name}: {verdict.decided:,} spikes of exc and inh, {verdict.spikes:,} in all")
-        assert verdict.reason is None
-        assert verdict.equal, verdict.mismatch
-        assert verdict.spikes == (host.exc.sum() if verdict.name == "lava-fused" else every)

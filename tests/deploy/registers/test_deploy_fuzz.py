@@ -23,9 +23,8 @@ from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.boards.memory import PackedRows
-from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.deployment import contents
-from lava_vpr.deploy.bundle.folder import ReadBundle, load, sealed
+from lava_vpr.deploy.bundle.folder import ReadBundle, sealed
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.inference import fixed
@@ -376,19 +375,6 @@ def test_every_spike_of_random_networks(
     print(f"{wanted} networks, {spikes} spikes")
     assert spikes > enough[0]
     assert several > enough[1]
-
-
-def test_a_random_bundle_on_disk_gives_its_network_back(tmp_path: Path) -> None:
-    for seed in range(3):
-        network = random_network(np.random.default_rng(seed), large=False)
-        made = in_memory(network, KAPOHO_BAY)
-        bundle_folder.write(tmp_path / str(seed), made.manifest, made.files)
-        bundle = load(tmp_path / str(seed))
-        assert bundle.files == made.files
-        back = TARGETS[bundle.target].network(bundle)
-        assert np.array_equal(back.weights, network.weights)
-        assert np.array_equal(back.bias, network.bias)
-        assert back.scalars == network.scalars
 
 
 def test_a_violation_is_seen() -> None:
