@@ -303,10 +303,10 @@ PRESETS = {
         encoder=EncoderConfig(query_spikes=14.0, query_inputs=420),
         network=LifNetwork(steps=64, threshold=0.7),
     ),
-    # The default's learning, and queries in a quarter of the steps, with coarser weights.
+    # The default's learning, and queries in a quarter of the steps, with coarser weights; a spiking front end as short.
     "fast": Config(
         preset="fast",
-        encoder=EncoderConfig(query_spikes=16.0, query_inputs=420),
+        encoder=EncoderConfig(query_spikes=16.0, query_inputs=420, pixel_levels=16, race_steps=8),
         network=LifNetwork(steps=32, weight_bits=2, threshold=0.35),
     ),
     # Finer orientations, spikes to match, and weights less what a place shares with its surroundings: for long maps.

@@ -12,11 +12,13 @@ import numpy as np
 import tomli
 import tomli_w
 
-from lava_vpr.config import Config, LifNetwork, preset
+from lava_vpr.config import PRESETS, Config, EncoderConfig, LifNetwork, preset
 from lava_vpr.errors import ConfigError, brief, said, shown
 from lava_vpr.settings.ranges import CHANGE_IT, KINDS, declared, need, whole
 from lava_vpr.storage.reading import read_bytes
 
+FRONT_END_SETTINGS = ("pixel_levels", "race_steps")
+"""Settings of the encoder that older files lack."""
 _LONGEST_LINE, _LONGEST_NAME = 1000, 60
 
 
@@ -28,6 +30,11 @@ def to_dict(config: Config) -> dict[str, Any]:
     )
     if made["network"].get("surroundings") == 0:
         del made["network"]["surroundings"]
+    if config.encoder.front_end is None:
+        own = PRESETS.get(config.preset, Config()).encoder
+        for name in FRONT_END_SETTINGS:
+            if made["encoder"][name] == getattr(own, name):
+                del made["encoder"][name]
     return made
 
 
@@ -101,7 +108,11 @@ def of_file(values: Any) -> Config:
         values = values | {"encoder": {name: value for name, value in encoder.items() if name != "filters"}}
     config = from_dict(values)
     if isinstance(config.network, LifNetwork) and "adapt" not in values.get("network", {}):
-        return replace(config, network=replace(config.network, adapt=0))
+        config = replace(config, network=replace(config.network, adapt=0))
+    if config.encoder.front_end is not None:
+        lacking = (name for name in FRONT_END_SETTINGS if name not in values.get("encoder", {}))
+        before = {name: getattr(EncoderConfig, name) for name in lacking}
+        config = replace(config, encoder=replace(config.encoder, **before))
     return config
 
 

@@ -324,7 +324,7 @@ def _parts(encoder: EncoderConfig) -> dict[Keep, tuple[tuple[int, ...], type, Ca
             Keep.THUMBNAILS: (small, np.uint8, partial(picture_of, size=THUMBNAIL)),
             Keep.VECTORS: ((encoder.vector_values,), np.float32, np.asarray),
         }
-    front_end = INPUTS[encoder.kind].front_end
+    front_end = encoder.front_end
     pixels = {} if front_end is None else {Keep.GREY: (front_end.shape, np.uint8, front_end.seen)}
     return {
         Keep.PATCHES: ((PATCH_SIDE, PATCH_SIDE), np.uint8, patch_normalised),

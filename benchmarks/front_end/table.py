@@ -4,8 +4,8 @@
 
 Nordland, summer learned and winter asked, exact matches. Forms were chosen on places 0:200 in both directions and on
 Gardens Point 0:50; the five sections and all 500 places are printed. Templates stand behind every form, with seed 0,
-and STDP behind the chosen one. What is counted of a presentation: its steps, neurons times steps, and the spikes of all
-populations but the clock, a mean of the references.
+and STDP behind some lengths of the chosen one. What is counted of a presentation: its steps, neurons times steps, and
+the spikes of all populations but the clock, a mean of the references.
 """
 
 from __future__ import annotations
@@ -20,17 +20,28 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.places import FOLDERS, SECTIONS, TEMPLATES, answer, encoded, images_of, learn
+from benchmarks.places import (
+    FOLDERS,
+    SECTIONS,
+    TEMPLATES,
+    answer,
+    encoded,
+    images_of,
+    learn,
+    learned,
+    places,
+    sections_of,
+)
 from benchmarks.program import BenchmarkTable, Printed, fraction, program, recall, seeds_option
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.presentations import cores
-from lava_vpr.inputs.front_end import COLUMNS, FRONT_END, FrontEnd
+from lava_vpr.inputs.front_end import COLUMNS, FRONT_END, FrontEnd, front_end
 from lava_vpr.inputs.front_end_kernels import NEVER, raced
-from lava_vpr.matching.evaluation import Recall
-from lava_vpr.recognition import DECODERS_ONLY, recognise
+from lava_vpr.matching.evaluation import Metrics, Recall
+from lava_vpr.recognition import DECODERS_ONLY, Comparison, recognise
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
 
@@ -130,8 +141,8 @@ HEADS = [
 ]
 
 
-@program("nordland")
-@click.option("--chosen", is_flag=True, help="Only the form that was chosen, with STDP and each seed.")
+@program("nordland", "nordland_long")
+@click.option("--chosen", is_flag=True, help="Only lengths of the chosen form, with STDP and each seed.")
 @seeds_option
 def main(seeds: Sequence[int], chosen: bool) -> Printed:
     """Recall, steps, accesses and spikes of forms of the front end."""
@@ -155,15 +166,42 @@ def forms() -> BenchmarkTable:
     return BenchmarkTable(HEADS, rows, record="front-end")
 
 
+VARIANTS: tuple[tuple[str, int, int], ...] = (
+    ("loihi", 32, 15),
+    ("loihi", 26, 14),
+    ("loihi", 16, 8),
+    ("fast", 16, 8),
+    ("fast", 32, 15),
+)
+"""Presets, and levels and race of their front end."""
+SPELT = {("loihi", 32): " (the default)", ("fast", 16): " (its own)"}
+
+
 def learned_by_spikes(seeds: Sequence[int]) -> BenchmarkTable:
-    """The chosen form with STDP and several seeds, beside HOG of the same images."""
-    config, found = preset("loihi"), []
-    config = update(config, {"encoder": {"kind": "frontend"}})
-    for seed in seeds:
-        own = dataclasses.replace(config, seed=seed)
-        found.append([answer(learn(part, own), part, rivals=("hog",)).metrics for part in (*SECTIONS, (0, 500))])
-    rows = []
-    for name, key in (("`frontend`", config.decoder.default), ("HOG", "hog")):
-        sections = [one[key] for row in found for one in row[:-1]]
-        rows.append([name, recall(sections), recall([row[-1][key] for row in found])])
-    return BenchmarkTable(["matcher", "five sections", "500 in one map"], rows, record="front-end-seeds")
+    """Front ends of two presets with STDP and several seeds, beside HOG of the same images."""
+    rows, hog = [], None
+    for name, levels, race in VARIANTS:
+        sizes = {"pixel_levels": levels, "race_steps": race}
+        config = update(preset(name), {"encoder": {"kind": "frontend"} | sizes})
+        found = [_of_seed(dataclasses.replace(config, seed=seed), () if hog else ("hog",)) for seed in seeds]
+        title = f"`--preset {name}`, {front_end(levels, race).steps} steps{SPELT.get((name, levels), '')}"
+        rows.append([title, *_columns(found, config.decoder.default)])
+        hog = hog or ["HOG", *_columns(found, "hog")]
+    heads = ["matcher", "five sections", "500 in one map", "ten sections of `nordland_long`"]
+    return BenchmarkTable(heads, [*rows, hog or []], record="front-end-seeds")
+
+
+def _of_seed(config: Config, rivals: tuple[str, ...]) -> list[list[Mapping[str, Metrics]]]:
+    """Figures by matcher of the five sections, of 500 places in one map, and of ten other sections."""
+    found = [answer(learn(part, config), part, rivals=rivals).metrics for part in (*SECTIONS, (0, 500))]
+    others = []
+    for section in sections_of("nordland_long", 1000):
+        queries = places(section, 1, config)[0]
+        model, truth = learned(section, config), np.eye(len(queries), dtype=bool)
+        others.append(recognise(model, queries, truth, Comparison(rivals=rivals), pool=Pool(cores())).metrics)
+    return [found[:-1], found[-1:], others]
+
+
+def _columns(found: Sequence[list[list[Mapping[str, Metrics]]]], matcher: str) -> list[str]:
+    """The mean of each column over its sections and seeds."""
+    return [recall([one[matcher] for part in parts for one in part]) for parts in zip(*found, strict=True)]

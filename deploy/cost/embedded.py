@@ -56,12 +56,12 @@ class Accesses:
         return constants.register_time * self.registers + constants.word_time * self.words
 
 
-def _received(words: float) -> float:
+def received(words: float) -> float:
     """Words of memory for packets with so many words of payload: copied whole, summed up and used."""
     return -(-words // ROOM) * (PACKET_WORDS + PACKET_HEADER_WORDS) + 2 * words
 
 
-def _sent(words: float) -> float:
+def sent(words: float) -> float:
     """Words of memory for packets of counts, at least one: emptied and copied whole, filled and summed up."""
     return max(1, -(-words // ROOM)) * (2 * PACKET_WORDS + PACKET_HEADER_WORDS) + 2 * words
 
@@ -83,11 +83,11 @@ def between_queries(plan: Plan) -> dict[int, Accesses]:
     found = {}
     for chip in chips_of(plan):
         exc, exc_cores = members(plan, chip, "exc")
-        accesses = Accesses(NEURON_ACCESSES * exc + exc_cores, _sent(exc) + 2 * exc)
+        accesses = Accesses(NEURON_ACCESSES * exc + exc_cores, sent(exc) + 2 * exc)
         if plan.network.bias_input:
             inputs, cores = members(plan, chip, "inputs")
             set_up = (SETTING_ACCESSES + SILENCING_ACCESSES) * inputs + 2 * cores
-            accesses += Accesses(set_up, _received(SETTING_WORDS * inputs) + inputs)
+            accesses += Accesses(set_up, received(SETTING_WORDS * inputs) + inputs)
         found[chip] = accesses
     return found
 
@@ -185,7 +185,7 @@ def bias_milliseconds(plan: Plan, constants: CostConstants) -> Estimate:
     chips = {chip: members(plan, chip, "exc") for chip in chips_of(plan)}
     packets = sum(_packets(exc, ROOM) for exc, _ in chips.values())
     messages = Estimate(packets, packets, sum(exc for exc, _ in chips.values()))
-    written = {chip: Accesses(BIAS_ACCESSES * exc + cores, _received(exc)) for chip, (exc, cores) in chips.items()}
+    written = {chip: Accesses(BIAS_ACCESSES * exc + cores, received(exc)) for chip, (exc, cores) in chips.items()}
     return messages * (constants.host_message.nominal / 1e3) + milliseconds(written, constants)
 
 

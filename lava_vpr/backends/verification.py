@@ -17,7 +17,7 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError, ConfigError, InputError, NetworkLimitError, PluginError
-from lava_vpr.inputs.encoder import INPUTS, Keep
+from lava_vpr.inputs.encoder import Keep
 from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.evaluation import evaluate
@@ -219,7 +219,7 @@ def verify(
             f"{queries.names[silent[0]]}: no neuron spikes for this query, so there is nothing to compare "
             f"({len(silent)} of {len(queries)} such queries); choose others with --places"
         )
-    front_end = INPUTS[model.config.encoder.kind].front_end
+    front_end = model.config.encoder.front_end
     before = None
     if front_end is not None:
         grey = [each.kept(Keep.GREY, "comparing the front end") for each in (queries, *further)]

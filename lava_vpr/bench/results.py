@@ -7,6 +7,7 @@ on this machine, single queries on one thread, and multiplied by an assumed powe
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.deploy.boards.constants import HOST_POWER, Estimate as Estimate, total
 from lava_vpr.deploy.cost.costs import BoardFigures as BoardFigures, Modelled as Modelled
+from lava_vpr.deploy.cost.front_end import FrontEndCosts
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.trust import Trust, is_right
 from lava_vpr.recognition import Recognition
@@ -263,6 +265,7 @@ class Bench:
         command: How to repeat the run.
         asked: Recall and costs with views, adaptation or gains; None: not asked for, or failed.
         gains: What gains take; None: inputs have none.
+        front_end: What a spiking front end costs, by the board's name; empty: the model has none.
         energy: All the energy of a query by every way to answer it: boards, the host engine, cosine.
         pixels: Width and height of the query images; None: they are vectors.
         failed: What was asked for and could not be done, by stage, with the reason.
@@ -284,6 +287,7 @@ class Bench:
     command: str = ""
     asked: QueryVariants | None = None
     gains: GainsCost | None = None
+    front_end: Mapping[str, FrontEndCosts] = field(default_factory=dict)
     energy: tuple[AnsweringWay, ...] = ()
     pixels: tuple[int, int] | None = None
     failed: dict[str, str] = field(default_factory=dict)

@@ -35,15 +35,21 @@ from lava_vpr.bench.results import (
 )
 from lava_vpr.bench.sweep import BUDGET, Case, sweep
 from lava_vpr.cluster.tasks import Pool
+from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.costs import adaptation_microjoules, static_millijoules
 from lava_vpr.deploy.cost.embedded import bias_milliseconds
-from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.deploy.cost.front_end import FrontEndCosts, front_end_costs
+from lava_vpr.deploy.mapping.front_end import placed
+from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.engine.presentations import Trains, cores
 from lava_vpr.errors import LavaVprError
 from lava_vpr.model import Model, as_integer, integer_model
 from lava_vpr.recognition import Comparison, Recognition, recognise
 from lava_vpr.traverse import Traverse
+
+SEEN = 20
+"""Queries whose every spike of a spiking front end is counted, at most."""
 
 COUNTED = 500
 """Queries whose every spike is counted, at most: the counts of each step and core are kept."""
@@ -94,6 +100,22 @@ class Work:
         if asking.replay is not None:
             return gains_presented(asking.replay, len(self.queries), asking.views)
         return None if applied is None else gains_in_weights(applied, integer_model(self.queries.model, "--season"))
+
+    @cached_property
+    def front_end(self) -> dict[str, FrontEndCosts]:
+        """What the spiking front end costs on each board, from at most `SEEN` queries, evenly spread.
+
+        Raises:
+            InputError: the queries' pixels were not kept.
+        """
+        spec, images = self.queries.model.config.encoder.front_end, self.queries.images
+        if spec is None:
+            return {}
+        self.begin("counting the front end", 1)
+        n = len(images)
+        chosen = np.linspace(0, n - 1, min(n, SEEN)).round().astype(np.int64)
+        grey = images.kept(Keep.GREY, "counting the front end")[chosen]
+        return {name: front_end_costs(spec, placed(spec, BOARDS[name]), grey) for name in self.request.boards}
 
     @cached_property
     def plans(self) -> dict[str, Plan | str]:
@@ -256,6 +278,7 @@ def recall_and_costs(
         sweep=work.tried("sweep", _sweep, ()),
         asked=variants,
         gains=work.gains,
+        front_end=work.tried("spiking front end", lambda work: work.front_end, {}),
         energy=work.tried("energy", partial(_energy, variants=variants), ()),
         pixels=traverse.pixels,
         command=command,

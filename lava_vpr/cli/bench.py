@@ -108,7 +108,7 @@ def bench(
     _refuse(model, asked.model_path, request)
     route = Selection((asked.query,), asked.every)
     traverse, located, correct = truth.open(model, route, asked.places, outputs)
-    kept = kept_for(chosen(model, None)) if request.peers else Keep.NOTHING
+    kept = Keep.GREY | (kept_for(chosen(model, None)) if request.peers else Keep.NOTHING)
     queries, *further = encode_queries(traverse, model, request.asking, kept)
     calibration = calibration_of(model, Pool(cores()))
     request = replace(request, calibration=calibration, located=located, near=truth.near)

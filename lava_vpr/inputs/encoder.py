@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
-from lava_vpr.inputs.front_end import EVENT_FRONT_END, FRONT_END, FrontEnd
+from lava_vpr.inputs.front_end import EVENT_FRONT_END, FrontEnd, front_end
 from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.inputs.patches import HOG_VALUES, PATCH_SIDE, on_off
 from lava_vpr.inputs.vectors import as_rates, signed_channels, without_weak
@@ -33,9 +33,11 @@ class EncoderConfig:
 
     Attributes:
         kind: Name of a row in `INPUTS`: ``orientation`` (complex-cell edge channels), ``frontend`` (the spiking
-            front end, which has settings of its own), ``frontend-events`` (the same, which events drive), ``onoff`` or
-            ``pixels`` (the paper's patch-normalised ones), or ``events`` (``orientation`` of images of events); or of
-            descriptors in place of images ``vector`` or ``rates``.
+            front end, whose settings are the next two), ``frontend-events`` (the same, which events drive, of another
+            length), ``onoff`` or ``pixels`` (the paper's patch-normalised ones), or ``events`` (``orientation`` of
+            images of events); or of descriptors in place of images ``vector`` or ``rates``.
+        pixel_levels: ``frontend``: levels of a pixel, one a step of a presentation.
+        race_steps: ``frontend``: steps of a presentation in which filters spike.
         image_size: Side in pixels of the square image that the orientation channels are computed on.
         cell: Side in pixels of one pooling cell; ``image_size`` must be a multiple of it.
         orientations: Number of orientations, evenly spaced over 180 degrees.
@@ -56,6 +58,8 @@ class EncoderConfig:
     """
 
     kind: str = "orientation"
+    pixel_levels: Annotated[int, Range(2, 40)] = FrontEnd.levels
+    race_steps: Annotated[int, Range(2, 16)] = FrontEnd.race
     image_size: Annotated[int, Range(8, 512)] = 64
     cell: Annotated[int, Range(1, 512)] = 4
     orientations: Annotated[int, Range(2, 16)] = 8
@@ -88,6 +92,12 @@ class EncoderConfig:
     def inputs(self) -> int:
         """The number of input neurons."""
         return self.layout.inputs
+
+    @property
+    def front_end(self) -> FrontEnd | None:
+        """The spiking front end whose cells' spikes are the activity; None: nothing spikes before the inputs."""
+        made = INPUTS[self.kind].front_end
+        return None if made is None else made(self)
 
 
 class ChannelLayout(NamedTuple):
@@ -128,7 +138,7 @@ class Input:
             as `lava_vpr.inputs.likeness` takes for granted.
         standardised: Whether vectors are measured by what was fitted on the references
             (`lava_vpr.inputs.vectors.Standard`) before `activity` is given them.
-        front_end: The spiking front end whose cells' spikes are the activity; None: nothing spikes before the inputs.
+        front_end: Makes the spiking front end whose cells' spikes are the activity; None: there is none.
     """
 
     name: str
@@ -140,7 +150,7 @@ class Input:
     legend: str
     standardised: bool = False
     oriented: bool = False
-    front_end: FrontEnd | None = None
+    front_end: Callable[[EncoderConfig], FrontEnd] | None = None
 
 
 INPUTS: Registry[Input] = Registry("kind of input", ConfigError, group="lava_vpr.inputs", row_class=Input)
@@ -168,18 +178,18 @@ def _line(channels: int, values: int) -> ChannelLayout:
     return ChannelLayout(channels, math.isqrt(max(0, values - 1)) + 1 if values else 0, values)
 
 
-def spiking_input(name: str, front_end: FrontEnd, legend: str) -> Input:
-    """The kind of input whose activity is the spikes of the front end's cells."""
+def spiking_input(name: str, made: Callable[[EncoderConfig], FrontEnd], legend: str) -> Input:
+    """The kind of input whose activity is the spikes of the cells of the front end that settings make."""
     return Input(
         name,
-        layout=lambda encoder: ChannelLayout(front_end.orientations, front_end.grid),
+        layout=lambda encoder: ChannelLayout(made(encoder).orientations, made(encoder).grid),
         sees="image",
-        activity=lambda image, encoder: front_end.spikes(image)[0].astype(np.float32).reshape(-1),
+        activity=lambda image, encoder: made(encoder).spikes(image)[0].astype(np.float32).reshape(-1),
         grey_levels=False,
         drawing="strokes",
         legend=legend,
         oriented=True,
-        front_end=front_end,
+        front_end=made,
     )
 
 
@@ -197,8 +207,8 @@ for _row in (
         legend=STROKES,
         oriented=True,
     ),
-    spiking_input("frontend", FRONT_END, STROKES),
-    spiking_input("frontend-events", EVENT_FRONT_END, EVENT_STROKES),
+    spiking_input("frontend", lambda encoder: front_end(encoder.pixel_levels, encoder.race_steps), STROKES),
+    spiking_input("frontend-events", lambda encoder: EVENT_FRONT_END, EVENT_STROKES),
     Input(
         "onoff",
         layout=lambda encoder: ChannelLayout(2, PATCH_SIDE),
@@ -348,8 +358,8 @@ def check_encoded(encoded: EncodedTraverse, encoder: EncoderConfig, what: str) -
         ("hog", encoded.hog, np.uint8, (n, HOG_VALUES)),
         ("vectors", encoded.vectors, np.float32, (n, encoder.vector_values)),
     ]
-    if (front_end := INPUTS[encoder.kind].front_end) is not None:
-        parts.append(("grey", encoded.grey, np.uint8, (n, *front_end.shape)))
+    if (before := encoder.front_end) is not None:
+        parts.append(("grey", encoded.grey, np.uint8, (n, *before.shape)))
     for name, array, dtype, shape in parts:
         if array is not None and (array.dtype != dtype or array.shape != shape):
             raise InputError(

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -341,6 +341,12 @@ def _grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 FRONT_END = FrontEnd()
-"""The front end of the input ``frontend``."""
+"""The front end of the default settings."""
 EVENT_FRONT_END = FrontEnd(levels=16, white=25, pixel_octaves=3.0, window=16)
 """The front end of the input ``frontend-events``, as `benchmarks.events.lens` chose it."""
+
+
+@lru_cache(maxsize=8)
+def front_end(levels: int, race: int) -> FrontEnd:
+    """The front end of these settings, whose numbers are worked out once."""
+    return FrontEnd(levels=levels, race=race)

@@ -41,6 +41,23 @@ def written(*words: object) -> tuple[dict[str, Any], str]:
     return json.loads(Path("b.json").read_text()), text
 
 
+def test_a_spiking_front_end_is_counted_for_each_board(quick: Path) -> None:
+    run("train", "reference", "-o", "f.lvpr", "--input", "frontend", "--preset", "fast", "--learning", "template")
+    text = run("bench", "f.lvpr", "query", "--target", "kapoho-bay", "--json", "b.json").stdout
+    (found,) = json.loads(Path("b.json").read_text())["front_end"].values()
+    layers = found["layers"]
+    assert (found["images"], found["steps"], found["cores"]) == (PLACES, 29, 43)
+    assert layers["pixels"]["spikes"] == 2048
+    assert layers["filters"]["accesses"] == 29 * 16384
+    assert 0 < layers["pairs"]["spikes"] < layers["filters"]["spikes"]
+    assert found["dynamic_microjoules"]["filters"]["nominal"] > found["dynamic_microjoules"]["pairs"]["nominal"] > 24
+    assert found["milliseconds"]["nominal"] < found["between_milliseconds"]["clearing of states"]["nominal"]
+    assert "spiking front end on Kapoho Bay (two Loihi 1 chips): counted, a presentation of 29 steps, 43 cores" in text
+    assert "registers: clearing of states" in text
+    run(*BENCH, "--target", "kapoho-bay", "--json", "b.json")
+    assert "front_end" not in json.loads(Path("b.json").read_text())
+
+
 def test_fit_deploy_and_bench_model_one_time_of_a_bundle(quick: Path) -> None:
     """Asked are the reference images, which is what `fit` and `deploy` say theirs rests on."""
     fitted = run("fit", "m.lvpr", "--target", "kapoho-bay", "--json", "f.json").stdout

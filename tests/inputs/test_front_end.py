@@ -8,6 +8,8 @@ from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 from support.literal import front_end as literal
 
+from lava_vpr.config import preset
+from lava_vpr.configfile import update
 from lava_vpr.encoding import encode_arrays
 from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.encoder import EncoderConfig
@@ -41,7 +43,7 @@ def events(seed: int, spec: FrontEnd) -> NDArray[np.uint8]:
     seed=st.integers(0, 1 << 32),
     reach=st.integers(0, 2),
     budget=st.integers(1, 60),
-    levels=st.integers(2, 32),
+    levels=st.integers(2, 40),
     race=st.integers(1, 16),
     most=st.integers(1, 15),
 )
@@ -85,6 +87,16 @@ def test_what_a_presentation_takes_is_within_what_was_asked() -> None:
     assert FRONT_END.steps == 52 <= 64
     assert FRONT_END.accesses == 2_039_336 <= 1 << 21
     assert FRONT_END.most == 7
+    fast = update(preset("fast"), {"encoder": {"kind": "frontend"}})
+    assert fast.encoder.front_end is not None
+    assert fast.encoder.front_end.steps == 29 <= fast.network.steps == 32
+
+
+def test_the_longest_front_end_of_settings_is_one() -> None:
+    longest = EncoderConfig(kind="frontend", pixel_levels=40, race_steps=16).front_end
+    assert longest is not None
+    assert longest.steps == 61
+    assert longest.numbers.clock.size == 17
 
 
 @pytest.mark.parametrize(

@@ -81,6 +81,7 @@ def as_json(bench: Bench) -> dict[str, Any]:
         "workload": bench.workload,
         "asked": bench.asked,
         **({} if bench.gains is None else {"gains": bench.gains}),
+        **({"front_end": {k: costs.as_json() for k, costs in bench.front_end.items()}} if bench.front_end else {}),
         "peers": {row.name: _row(row, metrics="recall") for row in bench.peers} or None,
         "sweep": [_row(row, **_CANDIDATE) for row in bench.sweep] or None,
         "constants": {row.name: {key: getattr(row, key) for key in _CONSTANT} for row in constants()},

@@ -21,6 +21,7 @@ from lava_vpr.bench.results import (
     SweepPoint,
     Workload,
 )
+from lava_vpr.bench.show import front_end
 from lava_vpr.bench.show.json_values import PERCENTILES, absent, counts, percentiles
 from lava_vpr.bench.show.sources import anchors, constants, timed
 from lava_vpr.deploy.boards.board import BOARDS
@@ -375,6 +376,7 @@ def sections(bench: Bench, page: bool = True) -> dict[str, tuple[Table, ...]]:
     on_board = (modelled(costs, costs.figures) for costs in bench.targets.values() if costs.figures)
     otherwise = [] if bench.asked is None else [asked(bench.asked)]
     otherwise += [] if bench.gains is None else [gains(bench.gains, bench.images)]
+    otherwise += [table for costs in bench.front_end.values() for table in front_end.tables(costs)]
     tables_of: dict[str, tuple[Table, ...]] = {
         "recall": (recall(bench),),
         "probability": (thresholds(bench),),

@@ -75,12 +75,12 @@ def test_registers_are_those_that_the_program_accesses(
 
 def test_words_of_packets() -> None:
     # A packet of 64 words is copied; 8 of its head and what it holds are summed, and that is used.
-    assert embedded._received(0) == 0
-    assert embedded._received(30) == 64 + 8 + 60
-    assert embedded._received(57) == 2 * (64 + 8) + 114
+    assert embedded.received(0) == 0
+    assert embedded.received(30) == 64 + 8 + 60
+    assert embedded.received(57) == 2 * (64 + 8) + 114
     # Whoever has nothing to say sends a packet, too; it is emptied first.
-    assert embedded._sent(0) == 128 + 8
-    assert embedded._sent(57) == 2 * (128 + 8) + 114
+    assert embedded.sent(0) == 128 + 8
+    assert embedded.sent(57) == 2 * (128 + 8) + 114
 
 
 @pytest.mark.parametrize("bias_input", [False, True])

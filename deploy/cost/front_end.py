@@ -1,0 +1,264 @@
+"""What a presentation of the spiking front end costs, population by population; nothing of it was measured.
+
+Its spikes are counted, and what they make: synaptic operations as the board stores synapses, messages (one for each
+core that a spike goes to), accesses of neurons (each in each step, silent ones included), and updates, which a neuron
+takes from the first step on in which something arrives or it has a bias, so at most. Cores are those of
+`deploy.mapping.front_end`; tiles that messages cross are left out, as these cores have no places on the mesh.
+
+Apart stands what an image takes between two presentations: the registers of its pixels, states that are cleared, and
+the counts of cells, which are read for the host, as it makes rates of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, diags, identity
+
+from lava_vpr.deploy.boards.board import LifReset
+from lava_vpr.deploy.boards.constants import CostConstants, Estimate, Level, total
+from lava_vpr.deploy.cost.embedded import BIAS_ACCESSES, ROOM, Accesses, received, sent
+from lava_vpr.deploy.mapping.front_end import EVENTS, PlacedFrontEnd, Rows, on_cores, stored_synapses
+from lava_vpr.inputs.front_end import FrontEnd
+from lava_vpr.inputs.front_end_network import populations
+from lava_vpr.loihi import NO_MEMORY_DECAY
+
+Floats = NDArray[np.float64]
+Films = Mapping[str, NDArray[np.uint8]]
+
+
+class LayerEvents(NamedTuple):
+    """What a population of neurons does in a presentation: neurons and stored synapses to them; the rest are means of
+    images.
+
+    Attributes:
+        neurons, synapses: Their numbers.
+        active: Steps in which any of its neurons spikes.
+        spikes, operations, accesses, updates, messages: Events of a presentation.
+    """
+
+    neurons: int
+    synapses: int
+    active: float
+    spikes: float
+    operations: float
+    accesses: int
+    updates: float
+    messages: float
+
+    def microjoules(self, constants: CostConstants) -> Estimate:
+        """Dynamic energy, uJ."""
+        counted = (
+            (constants.synapse_sparse, self.operations),
+            (constants.access, self.accesses),
+            (constants.update, self.updates),
+            (constants.spike, self.spikes),
+            (constants.message, self.messages),
+        )
+        return total(constant * (events / 1e6) for constant, events in counted)
+
+
+@dataclass(frozen=True)
+class FrontEndCosts:
+    """A presentation of the front end on a board; energies and times None where its constants are not public.
+
+    Attributes:
+        board: The name of the board.
+        images: Images that were counted.
+        steps: Steps of a presentation.
+        cores: Cores that the populations take, each on cores of its own.
+        layers: Events of each population by name.
+        registers: Registers written or read for an image by what for: ``pixels``, ``clearing of states``, ``counts of
+            cells``.
+        packets: Packets of the host for an image: the pixels' and the counts'.
+        dynamic_microjoules: Of the steps, by population.
+        between_microjoules: Of the registers, by what for; their way on the mesh left out.
+        step_microseconds: Of a step, mean: the busiest core and the barrier.
+        milliseconds: Of all steps.
+        between_milliseconds: Of the registers, by what for, while the cores wait; packets of the host included.
+        static_millijoules: What all chips draw in all this time.
+    """
+
+    board: str
+    images: int
+    steps: int
+    cores: int
+    layers: Mapping[str, LayerEvents]
+    registers: Mapping[str, int]
+    packets: int
+    dynamic_microjoules: Mapping[str, Estimate] | None = None
+    between_microjoules: Mapping[str, Estimate] | None = None
+    step_microseconds: Estimate | None = None
+    milliseconds: Estimate | None = None
+    between_milliseconds: Mapping[str, Estimate] | None = None
+    static_millijoules: Estimate | None = None
+
+    @property
+    def all(self) -> LayerEvents:
+        """The events of all populations; active in every step that has a spike of any, as the clock has."""
+        summed = LayerEvents(*map(sum, zip(*self.layers.values(), strict=True)))
+        return summed._replace(active=max(each.active for each in self.layers.values()))
+
+    def as_json(self) -> dict[str, Any]:
+        """The figures by name, as scripts read them."""
+        values = {key: value for key, value in vars(self).items() if key != "board"}
+        return values | {"layers": {name: each._asdict() for name, each in self.layers.items()}}
+
+
+AT_ONCE = 20
+"""Images whose every spike is held at once, twice 2 MB each."""
+
+
+def front_end_costs(spec: FrontEnd, plan: PlacedFrontEnd, grey: NDArray[np.uint8]) -> FrontEndCosts:
+    """What a presentation costs on the board of ``plan``.
+
+    Args:
+        spec: The front end.
+        plan: Where it stands.
+        grey: What its pixels take of each image (`FrontEnd.seen`), uint8 (n, height, width), n at least 1.
+    """
+    board, constants = plan.board, plan.board.constants
+    rows = stored_synapses(spec, board)
+    blocks = [_counted(spec, plan, rows, grey[k : k + AT_ONCE]) for k in range(0, len(grey), AT_ONCE)]
+    found = {
+        name: _Counted._make(map(np.concatenate, zip(*(each[name] for each in blocks), strict=True)))
+        for name in plan.populations
+    }
+    layers = {name: found[name].events(plan.populations[name].stored, len(grey)) for name in found}
+    registers = registers_between(spec, plan, float(spec.events(grey).sum()) / len(grey) if spec.window else 0.0)
+    packets = sum(-(-words // ROOM) for words in _words(spec, registers).values())
+    costs = FrontEndCosts(board.name, len(grey), spec.steps, plan.cores, layers, registers, packets)
+    if constants is None or board.mesh is None:
+        return costs
+    tiles = -(-plan.cores // board.mesh.tile_cores)
+    step = Estimate.of(lambda level: float(np.mean(_step_microseconds(found.values(), constants, tiles, level))))
+    between = _between_milliseconds(spec, registers, constants)
+    steps = step * (spec.steps / 1e3)
+    chips = (constants.static + constants.embedded) * board.chips
+    time = steps + total(between.values())
+    write = constants.message + constants.access + constants.update
+    return replace(
+        costs,
+        dynamic_microjoules={name: each.microjoules(constants) for name, each in layers.items()},
+        between_microjoules={what: write * (count / 1e6) for what, count in registers.items()},
+        step_microseconds=step,
+        milliseconds=steps,
+        between_milliseconds=between,
+        static_millijoules=Estimate.of(lambda level: chips.at(level) * time.at(level) / 1e3),
+    )
+
+
+def registers_between(spec: FrontEnd, plan: PlacedFrontEnd, events: float) -> dict[str, int]:
+    """Registers of cores that are written or read for an image, by what for.
+
+    A bias is read and written; each of so many ``events`` is a spike that is sent. States are cleared that keep
+    anything: membranes and currents, each by itself, unless the board resets its neurons.
+    """
+    sizes, kept = spec.populations, 0
+    for group in populations(spec).values():
+        kept += group.size * ((group.du != NO_MEMORY_DECAY) + (group.dv != NO_MEMORY_DECAY))
+    pixels = BIAS_ACCESSES * sizes["pixels"] + plan.populations["pixels"].cores
+    return {
+        **({EVENTS: round(events)} if spec.window else {"pixels": pixels}),
+        "clearing of states": 0 if isinstance(plan.board.clearing, LifReset) else kept,
+        "counts of cells": sizes["cells"],
+    }
+
+
+class _Counted(NamedTuple):
+    """Events of a population's cores in every step, (n, steps, cores) each."""
+
+    operations: Floats
+    messages_in: Floats
+    messages_out: Floats
+    spikes: Floats
+    updates: Floats
+    accesses: Floats
+
+    def events(self, stored: int, images: int) -> LayerEvents:
+        """Those of a presentation, mean over the images."""
+        active = float(self.spikes.any(axis=2).sum()) / images
+        spikes, operations, updates, messages = (
+            float(each.sum()) / images for each in (self.spikes, self.operations, self.updates, self.messages_out)
+        )
+        neurons, accesses = int(self.accesses[0, 0].sum()), int(self.accesses[0].sum())
+        return LayerEvents(neurons, stored, active, spikes, operations, accesses, updates, messages)
+
+
+def _counted(spec: FrontEnd, plan: PlacedFrontEnd, rows: Rows, grey: NDArray[np.uint8]) -> dict[str, _Counted]:
+    """The events of every population."""
+    films, found = spec.trains(grey), {}
+    if spec.window:
+        films[EVENTS] = spec.events(grey).astype(np.uint8)
+    spiked = {name: csr_matrix(film.reshape(-1, film.shape[2]), dtype=np.int32) for name, film in films.items()}
+    for name, each in plan.populations.items():
+        shape = (len(grey), spec.steps, each.cores)
+        home = on_cores(identity(each.neurons, np.int32, "csr"), each.starts)
+        spikes = (spiked[name] @ home.T).toarray().reshape(shape).astype(np.float64)
+        first = _first_updates(spec, name, films, rows)
+        begun = np.zeros((len(grey), spec.steps + 1, each.cores))
+        np.add.at(begun, (np.arange(len(grey))[:, None], first, np.repeat(np.arange(each.cores), each.sizes)), 1)
+        sizes = np.broadcast_to(each.sizes.astype(np.float64), shape)
+        found[name] = _Counted(
+            np.zeros(shape), np.zeros(shape), np.zeros(shape), spikes, begun.cumsum(axis=1)[:, :-1], sizes
+        )
+    for (source, target), row in rows.items():
+        to = on_cores(row, plan.populations[target].starts)
+        reached = to.astype(bool).astype(np.int32)
+        for values, kept in ((to, found[target].operations), (reached, found[target].messages_in)):
+            kept[:, 1:] += (spiked[source] @ values.T).toarray().reshape(kept.shape)[:, :-1]
+        if source == EVENTS:
+            continue
+        sender = plan.populations[source]
+        home = on_cores(diags(np.asarray(reached.sum(axis=0)).ravel(), format="csr", dtype=np.int32), sender.starts)
+        found[source].messages_out[:] += (spiked[source] @ home.T).toarray().reshape(found[source].spikes.shape)
+    return found
+
+
+def _first_updates(spec: FrontEnd, name: str, films: Films, rows: Rows) -> NDArray[np.int64]:
+    """The step of the first update of each neuron of a population, int64 (n, neurons); that after the last if none."""
+    group = populations(spec)[name]
+    biased = np.full(group.size, name == "pixels" and not spec.window)
+    if group.bias is not None:
+        biased |= group.bias != 0
+    n = len(films[name])
+    first = np.where(biased, 0, np.full((n, group.size), spec.steps))
+    for (source, target), row in rows.items():
+        if target == name:
+            film, reached = films[source], np.diff(row.indptr) > 0
+            times = np.where(film.any(axis=1), film.argmax(axis=1) + 1, spec.steps)
+            arrived = np.minimum.reduceat(times[:, row.indices], row.indptr[:-1][reached], axis=1)
+            first[:, reached] = np.minimum(first[:, reached], arrived)
+    return first
+
+
+def _step_microseconds(found: Iterable[_Counted], constants: CostConstants, tiles: int, level: Level) -> Floats:
+    """Time of every step, us, float64 (n, steps): the busiest core's, of what arrives or of its neurons."""
+    longest = np.zeros(())
+    for each in found:
+        arrivals = constants.arrival_nanoseconds(level, each.messages_in, 0.0, each.operations)
+        neurons = constants.neuron_nanoseconds(level, each.accesses, each.updates, each.spikes, each.messages_out)
+        longest = np.maximum(longest, np.maximum(arrivals, neurons).max(axis=2) / 1e3)
+    return np.maximum(longest + constants.barrier(tiles).at(level), constants.step.at(level))
+
+
+def _words(spec: FrontEnd, registers: Mapping[str, int]) -> dict[str, int]:
+    """Words that the host sends or is sent, by what for: one a pixel, an event and a cell."""
+    sent_for = {"pixels": spec.populations["pixels"], EVENTS: registers.get(EVENTS, 0), "clearing of states": 0}
+    return {what: sent_for.get(what, count) for what, count in registers.items()}
+
+
+def _between_milliseconds(
+    spec: FrontEnd, registers: Mapping[str, int], constants: CostConstants
+) -> dict[str, Estimate]:
+    """Time of an image's registers by what for: packets of the host, and what an embedded processor does."""
+    found = {}
+    for what, words in _words(spec, registers).items():
+        handled = sent(words) if what == "counts of cells" else received(words)
+        processor = Accesses(registers[what], handled).nanoseconds(constants) * 1e-6
+        found[what] = constants.host_message * (-(-words // ROOM) / 1e3) + processor
+    return found

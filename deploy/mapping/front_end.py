@@ -1,0 +1,184 @@
+"""Where the populations of the spiking front end could stand: on cores of their own, in rows that share no weights.
+
+A board does not run them yet (docs/network.md): this counts what they take of its public limits. Each population
+stands on as few cores as hold its neurons in order, each core as many as compartments, input axons and synapse memory
+let. Rows are sparse: a synapse is a weight, its sign and an index. A weight of more bits is several synapses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.boards.memory import row_words
+from lava_vpr.inputs.front_end import FrontEnd
+from lava_vpr.inputs.front_end_network import event_synapses, synapses
+
+Integers = NDArray[np.int64]
+Rows = Mapping[tuple[str, str], csr_matrix]
+"""Synapses (post, pre) by their source and target."""
+EVENTS = "events"
+"""The source of synapses whose spikes come from a camera."""
+LIMITS = ("compartments", "axons in", "synapse memory")
+"""Limits of a core, as `PlacedPopulation.binds` has them."""
+
+
+@dataclass(frozen=True)
+class PlacedPopulation:
+    """A population on cores of its own.
+
+    Attributes:
+        neurons: Its neurons.
+        stored: Synapses to them as the board stores them, several for a weight of too many bits.
+        starts: The first neuron of each core, int64 (cores,).
+        binds: What one more neuron on its fullest core would exceed; empty if one core holds all.
+        compartments, axons_in, memory, axons_out: What a core takes at most; memory as a share of it, 0..1.
+    """
+
+    neurons: int
+    stored: int
+    starts: Integers = field(repr=False)
+    binds: str
+    compartments: int
+    axons_in: int
+    memory: float
+    axons_out: int = 0
+
+    @property
+    def cores(self) -> int:
+        """The number of its cores."""
+        return len(self.starts)
+
+    @property
+    def sizes(self) -> Integers:
+        """Neurons of each core, int64 (cores,)."""
+        return np.diff(np.append(self.starts, self.neurons))
+
+
+@dataclass(frozen=True)
+class PlacedFrontEnd:
+    """The front end on a board.
+
+    Attributes:
+        board: The board.
+        populations: Each population by name.
+        steps: Steps of a presentation.
+    """
+
+    board: Board
+    populations: Mapping[str, PlacedPopulation]
+    steps: int
+
+    @property
+    def cores(self) -> int:
+        """Cores of all populations."""
+        return sum(each.cores for each in self.populations.values())
+
+    def exceeded(self, others: int = 0) -> str:
+        """What does not fit beside a network on ``others`` cores, or could not stand anywhere; empty if all fits."""
+        have = self.board.chips * self.board.cores
+        for name, each in self.populations.items():
+            if each.axons_out > self.board.axons_out:
+                return f"a core of {name} has {each.axons_out:,} axons out, of {self.board.axons_out:,}"
+        if self.cores + others > have:
+            return f"{self.cores} cores and {others} of the network, but {self.board.title} has {have}"
+        return ""
+
+    def as_json(self, others: int) -> dict[str, Any]:
+        """The figures by name, beside a network on ``others`` cores."""
+        keys = ("neurons", "stored", "cores", "binds", "compartments", "axons_in", "memory", "axons_out")
+        exceeded = self.exceeded(others)
+        return {
+            "fits": None if not (exceeded or self.board.memory.public) else not exceeded,
+            "exceeded": exceeded or None,
+            "cores": self.cores,
+            "steps": self.steps,
+            "populations": {name: {key: getattr(each, key) for key in keys} for name, each in self.populations.items()},
+        }
+
+
+def placed(spec: FrontEnd, board: Board) -> PlacedFrontEnd:
+    """The front end on cores of ``board``, each population by itself."""
+    rows, most = stored_synapses(spec, board), dict.fromkeys(spec.populations, board.compartments)
+    to = {name: [each for (_, target), each in rows.items() if target == name] for name in most}
+    found = {name: _on_cores(board, size, most[name], to[name]) for name, size in spec.populations.items()}
+    while True:
+        axons = {name: _axons_out(name, rows, found) for name in found}
+        many = [name for name, out in axons.items() if out > board.axons_out and found[name].compartments > 1]
+        if not many:
+            break
+        for name in many:  # fewer neurons of a core send to fewer others
+            fewer = found[name].compartments * board.axons_out // axons[name]
+            found[name] = replace(_on_cores(board, found[name].neurons, max(1, fewer), to[name]), binds="axons out")
+    return PlacedFrontEnd(
+        board, {name: replace(each, axons_out=axons[name]) for name, each in found.items()}, spec.steps
+    )
+
+
+def _axons_out(name: str, rows: Rows, found: Mapping[str, PlacedPopulation]) -> int:
+    """Most output axons of a core of a population: one of each neuron for each core that it sends to."""
+    sent = [on_cores(row, found[target].starts) for (source, target), row in rows.items() if source == name]
+    axons = sum(np.asarray(cores.astype(bool).sum(axis=0)).ravel() for cores in sent)
+    return int(np.add.reduceat(axons, found[name].starts).max())
+
+
+def stored_synapses(spec: FrontEnd, board: Board) -> Rows:
+    """Synapses as ``board`` stores them, by source and target, int32 (post, pre)."""
+    largest = (1 << (max(board.weight_bits) - (not board.memory.one_sign))) - 1
+    found: dict[tuple[str, str], csr_matrix] = {(EVENTS, "pixels"): event_synapses(spec)} if spec.window else {}
+    for each in synapses(spec):
+        stored = abs(each.weights)
+        stored.data = -(-stored.data // largest)
+        way = (each.source, each.target)
+        found[way] = stored + found[way] if way in found else stored
+    return found
+
+
+def on_cores(synapses_to: csr_matrix, starts: Integers) -> csr_matrix:
+    """How many of the synapses (post, pre) end on each core, (cores, pre), whose first neurons are ``starts``."""
+    ends = np.append(starts, synapses_to.shape[0])
+    members = csr_matrix((np.ones(ends[-1], np.int32), np.arange(ends[-1]), ends))
+    return members @ synapses_to
+
+
+def _on_cores(board: Board, neurons: int, at_once: int, rows: Sequence[csr_matrix]) -> PlacedPopulation:
+    """A population to which these rows lead, in order, on as few cores as hold it, at most ``at_once`` neurons each."""
+    starts, most, binds, start = [], np.zeros(3), "", 0
+    while start < neurons:
+        least, end = start + 1, min(neurons, start + at_once)
+        while least < end and _exceeded(board, _taken(board, rows, start, end)):  # more neurons take more of everything
+            middle = (least + end + 1) // 2
+            least, end = (least, middle - 1) if _exceeded(board, _taken(board, rows, start, middle)) else (middle, end)
+        starts.append(start)
+        most = np.maximum(most, _taken(board, rows, start, end))
+        if end < neurons and not binds:
+            binds = _exceeded(board, _taken(board, rows, start, end + 1))
+        start = end
+    compartments, axons_in, memory = most.tolist()
+    stored = sum(int(each.sum()) for each in rows)
+    share = memory / board.memory.capacity
+    return PlacedPopulation(neurons, stored, np.array(starts), binds, int(compartments), int(axons_in), share)
+
+
+def _taken(board: Board, rows: Sequence[csr_matrix], start: int, end: int) -> tuple[int, int, int]:
+    """Compartments, input axons and memory of a core with the neurons ``start`` .. ``end - 1``."""
+    counts = []
+    for each in rows:
+        part = slice(*each.indptr[[start, end]])
+        counts.append(np.bincount(each.indices[part], each.data[part]).astype(np.int64))
+        counts[-1] = counts[-1][counts[-1] > 0]
+    bits, index = max(board.weight_bits), board.memory.sparse_bits(end - start)
+    words = sum(int((bits * each if index is None else row_words(each, bits + index)).sum()) for each in counts)
+    return end - start, sum(map(len, counts)), words
+
+
+def _exceeded(board: Board, taken: tuple[int, int, int]) -> str:
+    """The first limit of a core that this is above; empty if none."""
+    limits = (board.compartments, board.axons_in, board.memory.capacity)
+    return next((name for name, need, limit in zip(LIMITS, taken, limits, strict=True) if need > limit), "")
