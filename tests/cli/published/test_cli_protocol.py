@@ -15,8 +15,10 @@ import pytest
 from support.common.benchmarkfolders import place
 from support.common.commands import SHORT, fails, run
 
+from lava_vpr.config import preset
 from lava_vpr.datasets.protocol_rows import PROTOCOLS
 from lava_vpr.datasets.protocols import ANY, Names, ProtocolLayout
+from lava_vpr.modelfile import check_model
 
 FEW = 4
 """Queries of each protocol, by section."""
@@ -147,6 +149,12 @@ def test_each_figure_and_each_protocol_has_a_source() -> None:
     listed = run("protocol").stdout
     assert all(name in listed for name in PROTOCOLS)
     assert "27,592" in listed
+
+
+def test_each_protocol_is_within_the_limits() -> None:
+    """Nordland's 27,592 places are the most that a protocol learns."""
+    for row in PROTOCOLS.values():
+        check_model(preset("loihi"), row.sizes[0], 1, row.sizes[0])
 
 
 @pytest.mark.usefixtures("short")
