@@ -17,6 +17,7 @@ from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.inputs.views import AugmentConfig, ViewsConfig
 from lava_vpr.inputs.windows import EventsConfig
 from lava_vpr.matching.decoders import DECODERS
+from lava_vpr.neurons.models import CONDUCTANCE, LIF, NEURONS, stepped
 from lava_vpr.rows.registry import elsewhere, plugged_names
 from lava_vpr.settings.ranges import Range, check, need
 
@@ -35,12 +36,14 @@ _SIGNED_BITS = Range(1, 7)
 
 @dataclass(frozen=True)
 class LifNetwork:
-    """The integer network that Loihi runs: current-based LIF, one threshold, one inhibitory neuron.
+    """The integer network: current-based LIF, which Loihi runs, or a plug-in's; one threshold, one inhibitory neuron.
 
     Threshold and inhibition are in units of the drive per step that a neuron's own place brings it, whatever the number
     of input spikes, bits or neurons; `lava_vpr.engine.inference.quantise` turns them into the chip's integers.
 
     Attributes:
+        model: The neuron model of queries and reference responses: ``lif``, or a plug-in's
+            (`lava_vpr.neurons.models.NeuronModel`).
         neurons: Excitatory neurons of one stretch; 0 means `neurons_per_place` for each place.
         neurons_per_place: Used when ``neurons`` is 0.
         steps: Steps of 1 ms of one presentation, the silent ones at its end included
@@ -63,7 +66,7 @@ class LifNetwork:
             (`lava_vpr.backends.asking.Asking.tracking`); 0: they do not. Unsigned weights have no biases.
     """
 
-    model: Literal["lif"] = "lif"
+    model: str = LIF.name
     neurons: Annotated[int, Range(0, 100_000)] = 0
     neurons_per_place: Annotated[float, Range(0, 100, "least")] = 1.0
     steps: Annotated[int, Range(4, 65_536, only="a power of two")] = 128
@@ -80,6 +83,9 @@ class LifNetwork:
 
     def __post_init__(self) -> None:
         check(self, "network", **({"weight_bits": _SIGNED_BITS} if self.signed else {}))
+        if not stepped(self.model):
+            known = ", ".join(name for name in NEURONS.names() if name != CONDUCTANCE.name)
+            need(False, "network.model", self.model, f"{known}{NEURONS.elsewhere}")
         fits = self.trains == "regular" or self.input_mode == "injected"
         need(fits, "network.trains", self.trains, "regular where input_mode is bias")
         need(self.signed or not self.surroundings, "network.surroundings", self.surroundings, "0 where signed is false")
@@ -382,14 +388,5 @@ def integer_config(config: Config, purpose: str, path: Path | None = None) -> In
     """
     settings = as_integer_config(config)
     if settings is None:
-        raise not_integer(purpose, path)
+        raise CONDUCTANCE.refusal(purpose, path)
     return settings
-
-
-def not_integer(purpose: str, path: Path | None = None) -> ConfigError:
-    """The refusal of a float model by what needs an integer network; see `integer_config`."""
-    file = "" if path is None else f"{path}: "
-    return ConfigError(
-        f"{file}{purpose} needs an integer network, but preset paper is the float conductance model; train with "
-        "--preset loihi, or run this one with --backend host or lava-float"
-    )

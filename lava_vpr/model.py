@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr import __version__
-from lava_vpr.config import Config, IntegerConfig, as_integer_config, not_integer
+from lava_vpr.config import Config, IntegerConfig, as_integer_config
 from lava_vpr.configfile import to_dict
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -21,6 +21,7 @@ from lava_vpr.inputs.vectors import Standard
 from lava_vpr.matching import decoders
 from lava_vpr.matching.equations import assign
 from lava_vpr.modelfile import LEARNED, STANDARD, checked, standard_of
+from lava_vpr.neurons.models import CONDUCTANCE, NEURONS, NeuronModel
 from lava_vpr.positions.frames import Positions
 from lava_vpr.storage import container
 from lava_vpr.storage.arrays import UnfitError, narrow
@@ -109,6 +110,11 @@ class Model:
         return int(self.responses.shape[0])
 
     @property
+    def neuron_model(self) -> NeuronModel:
+        """The row of its neurons."""
+        return NEURONS[self.network.model] if isinstance(self.network, FixedNetwork) else CONDUCTANCE
+
+    @property
     def weight_bits(self) -> int | None:
         """Bits of a weight; None for the float model."""
         return self.network.bits if isinstance(self.network, FixedNetwork) else None
@@ -151,7 +157,18 @@ def integer_model(model: Model, purpose: str, path: Path | None = None) -> Integ
     """
     integer = as_integer(model)
     if integer is None:
-        raise not_integer(purpose, path)
+        raise CONDUCTANCE.refusal(purpose, path)
+    return integer
+
+
+def lif_model(model: Model, purpose: str, path: Path | None = None) -> IntegerModel:
+    """As `integer_model`, for what takes LIF neurons alone: boards and formats of other programs.
+
+    Raises:
+        ConfigError: the model is the float conductance model, or one of other neurons.
+    """
+    integer = integer_model(model, purpose, path)
+    integer.neuron_model.check(purpose, path)
     return integer
 
 
@@ -159,10 +176,10 @@ def checked_network(model: Model, purpose: str) -> FixedNetwork:
     """The integer network of ``model``, seen not to overflow Loihi's registers.
 
     Raises:
-        ConfigError: the model is the float conductance model.
+        ConfigError: the model is the float conductance model, or ``purpose``, a backend, lacks its neurons.
         NetworkLimitError: the network could overflow.
     """
-    network = integer_model(model, purpose).network
+    network = lif_model(model, purpose).network
     network.check()
     return network
 

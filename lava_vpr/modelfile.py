@@ -29,6 +29,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -266,7 +267,7 @@ def _network(
         raise UnfitError(f"fixed {brief(fixed)}, which must be {', '.join(SCALARS)}")
     for name, value in fixed.items():
         count(value, name, -MOST_COUNT)
-    return FixedNetwork.of_scalars(own["weights"], own["bias"], fixed)
+    return replace(FixedNetwork.of_scalars(own["weights"], own["bias"], fixed), model=config.network.model)
 
 
 def _agree(network: FixedNetwork, config: Config) -> None:
@@ -275,6 +276,7 @@ def _agree(network: FixedNetwork, config: Config) -> None:
     if isinstance(settings, ConductanceNetwork):
         raise UnfitError("an integer network with the settings of the conductance model")
     for name, own, set_to in (
+        ("neurons of the model", network.model, settings.model),
         ("presentations of steps", network.interval, settings.steps),
         ("bits", network.bits, settings.weight_bits),
         ("signed", int(network.signed), int(settings.signed)),

@@ -23,6 +23,7 @@ from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import WEIGHT_BITS
+from lava_vpr.neurons.models import NEURONS
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -289,8 +290,10 @@ def check(sizing: Sizing) -> None:
     """Refuse what no choice of cores could help.
 
     Raises:
+        ConfigError: the network's neurons are not LIF.
         NetworkLimitError: naming resource, need, limit and remedy.
     """
+    NEURONS[sizing.network.model].check(sizing.board.title)
     sizing.network.check(sizing.board.input_limit, sizing.board.title)
     check_without_weights(sizing)
 

@@ -1,4 +1,4 @@
-"""A kind of input, a learning rule and a decoder for lava-vpr, rows that pyproject.toml names as entry points."""
+"""A kind of input, a learning rule, a neuron model and a decoder for lava-vpr, entry points of pyproject.toml."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from lava_vpr.inputs.encoder import ChannelLayout, EncoderConfig, Input
 from lava_vpr.matching.decoders import Decoder, Reading, in_every_variant, margin
 from lava_vpr.matching.equations import Counts, Scores, ScoresOf
 from lava_vpr.model import Stretch
+from lava_vpr.neurons.models import NeuronConstants, NeuronModel, State, decayed
 from lava_vpr.training.trainers import LearningRule, StretchTrainer
 
 GRID = 28
@@ -80,6 +81,13 @@ class OjaTrainer(StretchTrainer):
         return {"weights": (0.0, 2.0)}
 
 
+def adaptive(constants: NeuronConstants, state: State, drive: State) -> tuple[State, NDArray[np.bool_]]:
+    """LIF whose threshold each spike raises by a quarter, which decays by 1/32 a step (Bellec et al., NeurIPS 2018)."""
+    v, raised = decayed(state[0], constants.decay) + drive, decayed(state[1], 4096 // 32)
+    spikes = v > constants.threshold + raised
+    return np.stack([np.where(spikes, 0, v), raised + spikes * (constants.threshold >> 2)]), spikes
+
+
 CENTRE_SURROUND = Input(
     "centre-surround",
     layout=lambda encoder: ChannelLayout(2, GRID),
@@ -90,6 +98,7 @@ CENTRE_SURROUND = Input(
     legend="White: the neuron expects a point brighter than its surroundings; black: a darker one.",
 )
 OJA = LearningRule("oja", "by Oja's rule, one neuron a place", OjaTrainer, neuron_a_place=True)
+ADAPTIVE = NeuronModel("adaptive", "LIF with a threshold that spikes raise", adaptive, states=2)
 COUNT_COSINE = Decoder(
     "count-cosine",
     title="cosine of the counts",

@@ -147,7 +147,6 @@ class BackendRow:
             compared instead.
         hosts_kernel: Its model calls the host engine's own kernel, so that equal spikes prove the way there and back,
             and say nothing of the arithmetic.
-        float_model: It runs the float conductance model, too.
         counts_only: It tells spike counts, but no single spikes.
         board: Name of the board whose bundles it runs; None: it asks for no board.
         timing: How ``bench`` times it: ``compiled`` in a fresh process, ``lava`` by the times that Lava's runs are told
@@ -166,7 +165,6 @@ class BackendRow:
     unavailable: Callable[[], str | None]
     exact: bool = True
     hosts_kernel: bool = False
-    float_model: bool = False
     counts_only: bool = False
     board: str | None = None
     timing: Literal["compiled", "lava", "board"] | None = None

@@ -12,7 +12,7 @@ from lava_vpr.backends.interface import Advance, Backend, BackendRow, HostBacken
 from lava_vpr.backends.lava import LavaBackend, front_end_trains, lava_missing, loihi2_missing
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.errors import BackendUnavailableError
-from lava_vpr.model import Model, integer_model
+from lava_vpr.model import Model
 from lava_vpr.rows.registry import Registry
 
 BACKENDS: Registry[BackendRow] = Registry(
@@ -49,7 +49,6 @@ for _row in (
         hosts_kernel=True,
         make=lambda threads, advance: HostBackend(Pool(threads)),
         unavailable=lambda: None,
-        float_model=True,
         timing="compiled",
         default=True,
         together=256,
@@ -71,7 +70,6 @@ for _row in (
         make=lambda _, advance: LavaBackend("lava-float", "composed", "floating_pt", advance=advance),
         unavailable=lava_missing,
         exact=False,
-        float_model=True,
         timing="lava",
         limit=16,
     ),
@@ -129,7 +127,7 @@ def require(name: str, model: Model | None = None) -> None:
 
     Raises:
         BackendUnavailableError: unknown, its software or device is missing, or the model is a bundle for another board.
-        ConfigError: it runs no float model, and ``model`` is one.
+        ConfigError: it lacks the neurons of ``model``.
     """
     row = BACKENDS[name]
     reason = row.unavailable()
@@ -137,8 +135,7 @@ def require(name: str, model: Model | None = None) -> None:
         raise BackendUnavailableError(reason)
     if model is None:
         return
-    if not row.float_model:
-        integer_model(model, name)
+    model.neuron_model.check(name)
     if row.board is not None and model.bundle is not None:
         from lava_vpr.deploy.bundle import folder
 

@@ -256,7 +256,7 @@ def _verdict(
     Raises:
         LavaVprError: it cannot run here, or not this model.
     """
-    backends.require(name)
+    backends.require(name, model)
     row, begin = BACKENDS[name], begin or (lambda name: None)
     earlier = SpikesCompared({})
     if before is not None and row.front_end is not None:

@@ -21,13 +21,13 @@ import numpy as np
 
 from lava_vpr.bench.results import SweepPoint
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool, Standing
-from lava_vpr.config import not_integer
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.bundle.compression import UNCHANGED, with_settings
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.experiments.search import key_of, on_front, wander
 from lava_vpr.experiments.task import MARGINS, Case, Measurement, Settings, current, fast_settings, measured
 from lava_vpr.model import Model, as_integer
+from lava_vpr.neurons.models import CONDUCTANCE
 
 BUDGET = 240
 """Points that a search measures, early stopping aside."""
@@ -66,7 +66,7 @@ Point = tuple[Settings, float, Measurement]
 def sweepable(model: Model) -> str | None:
     """Why settings of ``model`` cannot be searched; None if they can."""
     if as_integer(model) is None:
-        return str(not_integer("the search of settings"))
+        return str(CONDUCTANCE.refusal("the search of settings"))
     if not model.learned.size:
         return "a bundle has no float weights to quantise anew; give the model that was deployed"
     return None

@@ -35,7 +35,7 @@ from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import ConfigError
-from lava_vpr.model import Model, integer_model
+from lava_vpr.model import Model, as_integer, lif_model
 
 if TYPE_CHECKING:
     from lava_vpr.bench.results import Bench
@@ -123,11 +123,13 @@ def _refuse(model: Model, path: Path, request: Request) -> None:
     from lava_vpr.bench.sweep import sweepable
     from lava_vpr.deploy.bundle.deployment import plan_of
 
+    if as_integer(model) is not None:
+        lif_model(model, "bench", path)
     reason = sweepable(model) if request.sweep else None
     if reason is not None:
         raise ConfigError(f"{path}: --sweep: {reason}")
     for name in request.targets:
-        plan_of(integer_model(model, BOARDS[name].title, path), BOARDS[name])
+        plan_of(lif_model(model, BOARDS[name].title, path), BOARDS[name])
     for name in request.backends:
         registry.require(name, model)
 

@@ -31,7 +31,7 @@ from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import shown
 from lava_vpr.experiments.calibration import Calibration, calibrated, figures, search
-from lava_vpr.model import Model, integer_model
+from lava_vpr.model import Model, integer_model, lif_model
 from lava_vpr.season.table import load as load_table
 from lava_vpr.show.numbers import percent
 from lava_vpr.show.table import Table
@@ -141,7 +141,7 @@ def deploy(
     check_dense_rows(board, dense_rows)
     check_replaceable(output)
     outputs = Outputs((json_path,), folders=(output,), read=(season, replay), model=model_path, images=images.sources)
-    model, _ = applied(integer_model(open_model(model_path), board.title, model_path), season)
+    model, _ = applied(lif_model(open_model(model_path), board.title, model_path), season)
     table = None if replay is None else load_table(replay)
     calibration = images.of(model, outputs)
     compressed = _compressed(model, board, changes, calibration, images.max_loss)

@@ -18,6 +18,7 @@ from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import BackendUnavailableError, PluginError
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching.decoders import DECODERS
+from lava_vpr.neurons.models import NEURONS
 from lava_vpr.readers import READERS
 from lava_vpr.rows.registry import Registry
 from lava_vpr.show.table import Table
@@ -40,7 +41,7 @@ OPTIONAL = {
     "lava-loihi": ("vendor", "Intel's closed package that drives Loihi 2; from Intel's research cloud"),
     "nxsdk": ("vendor", "Intel's closed package that drives Kapoho Bay; from Intel's research cloud"),
 }
-PLUGGED: tuple[Registry[Any], ...] = (INPUTS, LEARNING, DECODERS, BACKENDS, READERS)
+PLUGGED: tuple[Registry[Any], ...] = (INPUTS, LEARNING, NEURONS, DECODERS, BACKENDS, READERS)
 """The registries whose rows packages can bring."""
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 

@@ -25,7 +25,7 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.errors import shown
 from lava_vpr.inputs.views import ViewsConfig
-from lava_vpr.model import integer_model
+from lava_vpr.model import lif_model
 from lava_vpr.show.table import Table
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def _model(
     from lava_vpr.deploy.bundle.deployment import mapping, modelled, plan_of, unproven
     from lava_vpr.deploy.cost.expected import timed
 
-    model = integer_model(open_model(model_path), board.title, model_path)
+    model = lif_model(open_model(model_path), board.title, model_path)
     with stage(f"placing {model.neurons:,} neurons"):
         compressed = adapted(model, board, changes)
         plan = timed(plan_of(compressed.model, board, dense_rows=dense_rows), compressed.model)

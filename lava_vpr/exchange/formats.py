@@ -17,7 +17,7 @@ from lava_vpr.configfile import of_file, to_dict, update
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import InputError, LavaVprError, ModelFileError, shown
 from lava_vpr.exchange.drawn import Drawn, UnfitNetwork, digest, whole
-from lava_vpr.model import IntegerModel, Model, assemble, integer_model
+from lava_vpr.model import IntegerModel, Model, assemble, lif_model
 from lava_vpr.rows.registry import Registry
 from lava_vpr.storage import container
 from lava_vpr.storage.writing import write_atomically, written
@@ -78,7 +78,9 @@ class FormatRow:
         Raises:
             NetworkLimitError: the format has no place for the network.
             InputError: it cannot be written, or would be larger than what is read.
+            ConfigError: its neurons are not LIF.
         """
+        model.neuron_model.check(f"format {self.name}")
         try:
             with written(path, f"the {self.holds} "):
                 content, notes = _module(self.writer).content(model, options)
@@ -175,10 +177,10 @@ def imported(
     Raises:
         InputError: it cannot be read, or holds no network that these neurons can be.
         ModelFileError: the references in it are no model's.
-        ConfigError: ``like`` has the conductance model.
+        ConfigError: ``like`` has other neurons than LIF.
         LavaVprError: the network is out of the range of the chip's registers.
     """
-    source = None if like is None else integer_model(like, "a network in another format")
+    source = None if like is None else lif_model(like, "a network in another format")
     drawn = row.read(path, time_step)
     if like is None and drawn.references is None:
         raise InputError(

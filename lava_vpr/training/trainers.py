@@ -20,6 +20,7 @@ from lava_vpr.engine.learning.recruiting import Thresholds
 from lava_vpr.errors import ConfigError
 from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Stretch
+from lava_vpr.neurons.models import NEURONS
 from lava_vpr.rows.registry import Registry
 from lava_vpr.slayer import needs
 from lava_vpr.slayer.trainer import SlayerTrainer
@@ -216,6 +217,12 @@ class LearningRule:
     signed: bool = False
 
 
+def _check_slayer(config: IntegerConfig) -> None:
+    """Refuse neurons without gradients, and learning without lava-dl."""
+    NEURONS[config.network.model].check("learning.rule slayer")
+    needs.require()
+
+
 STDP = "stdp"
 LEARNING: Registry[LearningRule] = Registry("learning rule", ConfigError, group=RULES_GROUP, row_class=LearningRule)
 """The ways to learn an integer network."""
@@ -241,7 +248,7 @@ OWN = (
         SlayerTrainer,
         "slayer",
         epochs=10,
-        check=lambda config: needs.require(),
+        check=_check_slayer,
         neuron_a_place=True,
         signed=True,
     ),

@@ -14,6 +14,7 @@ from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork, count_spikes
 from lava_vpr.engine.learning.integer import IntegerLearning
 from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.loihi import INPUT_SHIFT, THRESHOLD_LIMIT
+from lava_vpr.neurons.models import NEURONS
 from lava_vpr.processes.base.magma import (
     AbstractSubProcessModel,
     CheckedProcess,
@@ -57,6 +58,7 @@ class PlaceNetwork(NetworkProcess):
             NetworkLimitError: the network could overflow Loihi's registers, or they cannot hold the biases.
             InputError: biases of another type or shape.
         """
+        NEURONS[network.model].check(type(self).__name__)
         network.check()
         if bias is not None:
             network.check_presented(bias, len(bias))
@@ -161,6 +163,7 @@ class FusedPlaceNetwork(CheckedProcess):
                 of another type or shape.
             InputError: biases of another type or shape.
         """
+        NEURONS[network.model].check(type(self).__name__)
         network.check()
         check_presentations("FusedPlaceNetwork", rates, keys)
         fits = len(rates) > 0 and rates.shape[1] == network.inputs

@@ -1,4 +1,4 @@
-"""A decoder, a kind of input, a backend and a board are added by a row each, and all commands and files know them."""
+"""A decoder, an input, a neuron model, a backend and a board are added by a row each; commands and files know them."""
 
 from __future__ import annotations
 
@@ -13,24 +13,28 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.common.commands import PLACES, fails, figures, run
+from support.common.commands import CONFIG, PLACES, fails, figures, recall, run
+from support.common.small_models import encoded, small_config, small_model
 
 from lava_vpr import model as model_file
 from lava_vpr.backends.interface import BackendRow, HostBackend, Presentations
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cluster.tasks import Pool
-from lava_vpr.config import Config, DecoderConfig
+from lava_vpr.config import Config, DecoderConfig, LifNetwork, StdpLearning
 from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY, Board
 from lava_vpr.deploy.bundle import targets
+from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.bundle.targets import TARGETS, Target
 from lava_vpr.encoding import encode_traverse
 from lava_vpr.errors import BackendUnavailableError, ConfigError, ModelFileError
 from lava_vpr.inputs.encoder import INPUTS, ChannelLayout, EncoderConfig, Input
 from lava_vpr.matching.decoders import DECODERS, Decoder, Reading, in_every_variant, margin
 from lava_vpr.matching.equations import ScoresOf
-from lava_vpr.model import Model
+from lava_vpr.model import Model, integer_model
+from lava_vpr.neurons.models import NEURONS, NeuronConstants, NeuronModel, State
 from lava_vpr.recognition import count_query_spikes
 from lava_vpr.synthetic.world import write_traverses
+from lava_vpr.training.loop import train
 from lava_vpr.traverse import open_traverse
 
 ROUTE = 5
@@ -115,6 +119,74 @@ def test_a_decoder_without_a_variant_is_refused(part: dict[str, Any], message: s
     with pytest.raises(TypeError, match=message):
         DECODERS.register(replace(DUMMY_DECODER, **part))
     assert "dummy" not in DECODERS
+
+
+def without_leak(constants: NeuronConstants, state: State, drive: State) -> tuple[State, NDArray[np.bool_]]:
+    """Integrate and fire; what is above the threshold stays."""
+    v = state[0] + drive
+    spikes = v > constants.threshold
+    return (v - constants.threshold * spikes)[None], spikes
+
+
+@pytest.fixture
+def neurons() -> Iterator[None]:
+    """With the neuron model ``dummy``."""
+    NEURONS.register(NeuronModel("dummy", "without leak", without_leak))
+    yield
+    NEURONS.remove("dummy")
+
+
+@pytest.mark.usefixtures("here", "neurons")
+def test_commands_use_a_new_neuron_model() -> None:
+    Path("n.toml").write_text(CONFIG.replace("[network]\n", "[network]\nmodel = 'dummy'\n"))
+    run("train", "reference", "-o", "n.lvpr", "--config", "n.toml")
+    ours, lif = (model_file.load(Path(name)) for name in ("n.lvpr", "m.lvpr"))
+    assert np.array_equal(ours.learned, lif.learned)
+    assert ours.responses.sum() > 1.2 * lif.responses.sum()
+    run("eval", "n.lvpr", "query", "--json", "e.json")
+    assert recall(json.loads(Path("e.json").read_text())) >= 1 - 2 / PLACES
+    run("verify", "n.lvpr", "query", "--limit", 2, "--json", "v.json")
+    verdicts = json.loads(Path("v.json").read_text())["backends"]
+    assert verdicts.pop("host")["spikes_decided"] > 0
+    assert set(verdicts) == set(BACKENDS) - {"host"}
+    needs = "needs neurons of network.model lif, but these are dummy (without leak), which only --backend host runs; "
+    for name, verdict in verdicts.items():
+        assert verdict["available"] is False
+        if BACKENDS[name].unavailable() is None:
+            assert verdict["reason"] == f"{name} {needs}train with lif"
+    for what, words in {
+        "Kapoho Bay": ("deploy", "n.lvpr", "--target", "kapoho-bay", "-o", "b"),
+        "Loihi 2": ("fit", "n.lvpr", "--target", "loihi2"),
+        "bench": ("bench", "n.lvpr", "query"),
+        "format nir": ("export", "n.lvpr", "-o", "n.nir"),
+    }.items():
+        line = fails(*words)
+        assert line.startswith(f"n.lvpr: {what} ")
+        assert line.endswith(f" {needs}train with lif")
+    assert not Path("b").exists()
+    assert fails("eval", "n.lvpr", "query", "--backend", "bundle").startswith(f"bundle {needs}")
+    with pytest.raises(ConfigError, match=r"^Kapoho Bay .* needs neurons of network\.model lif"):
+        plan_of(integer_model(ours, "a test"), KAPOHO_BAY)
+    with pytest.raises(ConfigError, match=r"^learning\.rule slayer needs neurons of network\.model lif"):
+        train([encoded()], replace(small_config(), network=ours.config.network, learning=StdpLearning(rule="slayer")))
+
+
+@pytest.mark.usefixtures("neurons")
+def test_a_network_of_other_neurons_than_the_settings_say_is_refused() -> None:
+    header, arrays = model_file.content(small_model(), network=False)
+    header["config"]["network"]["model"] = "dummy"
+    with pytest.raises(ModelFileError, match=r"neurons of the model lif where the settings say dummy"):
+        model_file.assemble(Path("a"), header, arrays, integer_model(small_model(), "a test").network)
+
+
+def test_a_neuron_model_that_was_removed_is_unknown() -> None:
+    for name in ("dummy", "conductance"):
+        with pytest.raises(
+            ConfigError,
+            match=f"^network.model is '{name}', but must be lif, or install the package that has it among its entry "
+            "points lava_vpr.neuron_models;",
+        ):
+            LifNetwork(model=name)
 
 
 class Dummy(HostBackend):

@@ -1,8 +1,9 @@
-"""The example package, installed beside lava-vpr: its rule learns its input, its decoder answers, doctor lists all."""
+"""The example package, installed beside lava-vpr: rule, neurons and decoder are used, doctor lists all."""
 
 from __future__ import annotations
 
 import csv
+import json
 import os
 import shutil
 import subprocess
@@ -12,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.common import children
-from support.common.commands import CONFIG, PLACES
+from support.common.commands import CONFIG, PLACES, recall
 
 from lava_vpr.storage import container
 from lava_vpr.synthetic.world import write_traverses
@@ -71,6 +72,7 @@ def test_its_input_its_learning_rule_and_its_decoder_are_used(site: Path, tmp_pa
     assert [[word for word in line if word not in "│┃"][-4:] for line in listed] == [
         ["centre-surround", "lava-vpr-example", "0.1.0", "yes"],
         ["oja", "lava-vpr-example", "0.1.0", "yes"],
+        ["adaptive", "lava-vpr-example", "0.1.0", "yes"],
         ["count-cosine", "lava-vpr-example", "0.1.0", "yes"],
     ]
 
@@ -83,3 +85,44 @@ def test_its_input_its_learning_rule_and_its_decoder_are_used(site: Path, tmp_pa
         "entry points lava_vpr.decoders; "
     )
     assert "no plug-ins" in lava_vpr(tmp_path, None, "doctor").stdout
+
+
+@pytest.mark.slow
+def test_its_neurons_answer_on_the_host_alone(site: Path, tmp_path: Path) -> None:
+    write_traverses(tmp_path, PLACES, 0)
+    (tmp_path / "lif.toml").write_text(CONFIG)
+    (tmp_path / "adaptive.toml").write_text(CONFIG.replace("[network]\n", "[network]\nmodel = 'adaptive'\n"))
+    for name in ("lif", "adaptive"):
+        done = lava_vpr(tmp_path, site, "train", "reference", "-o", f"{name}.lvpr", "--config", f"{name}.toml")
+        assert (done.returncode, done.stderr) == (0, "")
+    lif, adaptive = (container.load(tmp_path / f"{name}.lvpr", "model")[1] for name in ("lif", "adaptive"))
+    assert np.array_equal(lif["network.weights"], adaptive["network.weights"])
+    assert 0.2 < adaptive["responses"].sum() / lif["responses"].sum() < 0.9  # thresholds rise
+    done = lava_vpr(tmp_path, site, "eval", "adaptive.lvpr", "query", "--json", "e.json")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert recall(json.loads((tmp_path / "e.json").read_text())) >= 1 - 2 / PLACES
+    done = lava_vpr(tmp_path, site, "verify", "adaptive.lvpr", "query", "--limit", "2", "--json", "v.json")
+    assert done.returncode == 0
+    verdicts = json.loads((tmp_path / "v.json").read_text())["backends"]
+    assert [name for name, verdict in verdicts.items() if verdict["available"]] == ["host"]
+    neurons = "adaptive (LIF with a threshold that spikes raise)"
+    needs = (
+        f"needs neurons of network.model lif, but these are {neurons}, which only --backend host runs; train with lif"
+    )
+    for what, words in {
+        "Kapoho Bay": ("deploy", "adaptive.lvpr", "--target", "kapoho-bay", "-o", "b"),
+        "Loihi 2": ("fit", "adaptive.lvpr", "--target", "loihi2"),
+        "bench": ("bench", "adaptive.lvpr", "query"),
+    }.items():
+        done = lava_vpr(tmp_path, site, *words)
+        assert (done.returncode, done.stdout) == (1, "")
+        (line,) = done.stderr.splitlines()
+        assert line.startswith(f"lava-vpr: error: adaptive.lvpr: {what} ")
+        assert line.endswith(needs)
+    done = lava_vpr(tmp_path, None, "query", "adaptive.lvpr", "query")
+    assert done.returncode == 1
+    assert done.stderr.startswith(
+        "lava-vpr: error: adaptive.lvpr: the model cannot be used (network.model is 'adaptive', but must be lif, or "
+        "install the package that has it among its entry points lava_vpr.neuron_models; "
+    )
+    assert done.stderr.count("\n") == 1

@@ -29,7 +29,7 @@ from lava_vpr.errors import InputError, ModelFileError, brief, shown
 from lava_vpr.exchange.formats import FORMATS, TIME_STEP, FileOptions, format_of, imported
 from lava_vpr.learning.references import encode_references, located_each
 from lava_vpr.maps.changes import check_extension, check_learned
-from lava_vpr.model import Model, integer_model
+from lava_vpr.model import Model, lif_model
 from lava_vpr.positions.frames import Positions
 from lava_vpr.storage.writing import only_one
 from lava_vpr.training.measuring import calibrated
@@ -266,7 +266,7 @@ def export(model_path: Path, output: Path, name: str | None, time_step: float, r
     """
     row = format_of(output, name)
     Outputs((output,), model=model_path)
-    model = integer_model(open_model(model_path), f"format {row.name}", model_path)
+    model = lif_model(open_model(model_path), f"format {row.name}", model_path)
     with stage(f"writing {shown(output)}"):
         notes = row.write(model, output, FileOptions(time_step, references))
     for note in notes:

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.biases import bias_registers, check_bias, highest_bias, safe_bias, slopes
 from lava_vpr.engine.inference.fixed_kernels import KernelNumbers, add_weighted, laid_out, present
+from lava_vpr.engine.inference.stepped import present_stepped
 from lava_vpr.engine.presentations import check_array, check_presentations, share
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import (
@@ -41,12 +42,13 @@ from lava_vpr.loihi import (
     WEIGHT_EXPONENT_LIMIT,
     WEIGHT_LIMIT,
 )
+from lava_vpr.neurons.models import LIF, NEURONS
 
 SCALARS = (
     *("bits", "signed", "threshold", "inhibition", "inhibition_exponent"),
     *("decay", "steps", "regular", "bias_input"),
 )
-"""The attributes of a `FixedNetwork` besides its weights and biases, which have these names in files, too."""
+"""The numbers of a `FixedNetwork` besides its weights and biases, which have these names in files, too."""
 
 EVENTS = (
     *("synaptic_operations", "synaptic_operations_dense", "neuron_updates"),
@@ -101,6 +103,7 @@ class FixedNetwork:
         regular: Whether inputs spike regularly (`engine.inference.bias_input`) instead of by Poisson draws.
         bias_input: Whether regular inputs are compartments of the chip, which integrate a bias; else all input spikes
             are injected.
+        model: The neuron model (`lava_vpr.neurons.models`); boards, Processes and other formats have ``lif`` alone.
     """
 
     weights: NDArray[np.int16]
@@ -114,6 +117,7 @@ class FixedNetwork:
     steps: int
     regular: bool = False
     bias_input: bool = False
+    model: str = LIF.name
 
     @classmethod
     def of_scalars(
@@ -397,13 +401,16 @@ def count_spikes(
     rates = np.ascontiguousarray(rates)
     table = slopes() if network.regular else np.zeros(0, np.int32)
     own = network.bias[None] if bias is None else np.ascontiguousarray(bias)
-    bounded = network.bounded(own)
+    bounded, neurons = network.bounded(own), NEURONS[network.model]
 
     def present_some(part: slice) -> NDArray[np.int64]:
         events = np.zeros(5, np.int64)
-        acc = np.zeros(weights.shape[1], np.int16 if narrow else np.int32)
         shown = (rates[part], table, keys[part], own if bias is None else own[part])
-        present(weights, row_sizes, numbers, bounded, *shown, acc, counts[part], events, film[part])
+        if neurons is LIF:
+            acc = np.zeros(weights.shape[1], np.int16 if narrow else np.int32)
+            present(weights, row_sizes, numbers, bounded, *shown, acc, counts[part], events, film[part])
+        else:
+            present_stepped(neurons, weights, row_sizes, numbers, *shown, counts[part], events, film[part])
         return events
 
     raw = sum(share(present_some, n, threads), np.zeros(5, np.int64))

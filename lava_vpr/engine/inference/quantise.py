@@ -202,4 +202,5 @@ def scaled(network: LifNetwork, weights: NDArray[np.int16], unit: float) -> Fixe
         steps=network.steps - check_steps(network, neurons),
         regular=network.trains == "regular",
         bias_input=network.input_mode == "bias",
+        model=network.model,
     )

@@ -1,0 +1,1 @@
+"""What excitatory neurons are, and what runs them."""
