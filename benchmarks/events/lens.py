@@ -133,7 +133,7 @@ def front_ends() -> Iterator[tuple[str, LearningWay]]:
     for levels, white, octaves in product((8, 12, 16), (20, 25, 32, 40, 64), (2.0, 3.0)):
         made = replace(EVENT_FRONT_END, levels=levels, white=white, pixel_octaves=octaves)
         name = f"frontend-events, {levels} levels, {octaves:g} octaves below {white} events, 3 views"
-        row = INPUTS.register(spiking_input("candidate", lambda encoder, made=made: made, "A candidate."))
+        row = INPUTS.register(spiking_input("candidate", lambda encoder, own=made: own, "A candidate."))
         yield name, LearningWay(replace(EVENTS, encoder=replace(EVENTS.encoder, kind=row.name)))
         INPUTS.remove(row.name)
 

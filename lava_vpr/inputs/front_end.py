@@ -342,7 +342,7 @@ def _grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 FRONT_END = FrontEnd()
 """The front end of the default settings."""
-EVENT_FRONT_END = FrontEnd(levels=16, white=25, pixel_octaves=3.0, window=16)
+EVENT_FRONT_END = FrontEnd(levels=8, white=20, pixel_octaves=3.0, window=16)
 """The front end of the input ``frontend-events``, as `benchmarks.events.lens` chose it."""
 
 
