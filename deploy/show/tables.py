@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lava_vpr.deploy.boards.board import Board, EmbeddedWrites, public
+from lava_vpr.deploy.boards.board import Board, EmbeddedWrites, LifReset, public
 from lava_vpr.deploy.boards.plan import CorePlan, Plan, PopulationPart
-from lava_vpr.show.numbers import UNKNOWN, figure, ranged
+from lava_vpr.deploy.mapping.front_end import PlacedFrontEnd
+from lava_vpr.loihi import reset_interval
+from lava_vpr.show.numbers import NONE, UNKNOWN, figure, ranged
 from lava_vpr.show.table import Table
 
 MOST_ROWS = 24
@@ -133,6 +135,37 @@ def _totals(plan: Plan) -> list[str]:
 def busiest(plan: Plan) -> CorePlan:
     """The core that is modelled to take longest for a step; the first of equals."""
     return max(plan.cores, key=lambda core: core.microseconds or 0.0)
+
+
+def front_end_table(placed: PlacedFrontEnd, others: int) -> Table:
+    """What the populations of a spiking front end would take, and whether they fit beside ``others`` cores."""
+    board, exceeded = placed.board, placed.exceeded(others)
+    rows = []
+    for name, each in placed.populations.items():
+        cells = (each.neurons, each.stored, each.cores, each.compartments, each.axons_in, each.axons_out)
+        rows.append((name, *(f"{value:,}" for value in cells), f"{100 * each.memory:.1f} %", each.binds or NONE))
+    summed = (sum(getattr(each, key) for each in placed.populations.values()) for key in ("neurons", "stored", "cores"))
+    rows.append(("all", *(f"{value:,}" for value in summed), "", "", "", "", ""))
+    fits = f"It does not fit: {exceeded}."
+    if not exceeded:
+        fits = f"It fits beside the network's {others} of {board.chips * board.cores} cores."
+    if not (exceeded or board.memory.public):
+        fits = "Whether it fits is unknown: it is beyond none of the public numbers."
+    notes = [
+        f"{fits} No bundle holds it (unproven): a board is sent what the host counts. "
+        "Each population stands on cores of its own, in sparse rows of weights that nothing shares.",
+    ]
+    if isinstance(board.clearing, LifReset) and (reset := reset_interval(placed.steps)) != placed.steps:
+        notes.append(f"Its {placed.steps} steps would be {reset}: neurons are reset at powers of two.")
+    heads = ("neurons", "synapses", "cores", "compartments", "axons in", "axons out", "memory", "what binds")
+    return Table(
+        title=f"the spiking front end on {board.title}; of compartments, axons and memory the most that a core has",
+        columns=("population", *heads),
+        rows=rows,
+        notes=notes,
+        long=frozenset({8}),
+        rules=frozenset({len(rows) - 1}),
+    )
 
 
 def summary(plan: Plan) -> list[str]:

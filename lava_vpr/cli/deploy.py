@@ -151,6 +151,10 @@ def deploy(
     learned = _learned(model, calibration) if learning and calibration is not None else None
     compared = [] if compressed.before is None else [_figures(compressed, learned)]
     said = placed(deployed.plan, compressed.notes, unproven(deployed.plan, learning=learning))
+    if model.config.encoder.front_end is not None:
+        said.append(
+            "No board runs the spiking front end: the host counts its spikes, the bundle holds the network alone."
+        )
     values = _values(model, compressed, deployed, learned)
     show_results([*compared, *said, f"bundle: {shown(output)}"], {json_path: values})
 

@@ -103,6 +103,8 @@ def _model(
     from lava_vpr.deploy.bundle.compression import adapted
     from lava_vpr.deploy.bundle.deployment import mapping, modelled, plan_of, unproven
     from lava_vpr.deploy.cost.expected import timed
+    from lava_vpr.deploy.mapping.front_end import placed as placed_front_end
+    from lava_vpr.deploy.show.tables import front_end_table
 
     model = lif_model(open_model(model_path), board.title, model_path)
     with stage(f"placing {model.neurons:,} neurons"):
@@ -110,6 +112,11 @@ def _model(
         plan = timed(plan_of(compressed.model, board, dense_rows=dense_rows), compressed.model)
     rows = unproven(plan)
     said = placed(plan, compressed.notes, rows)
+    spec, before = model.config.encoder.front_end, None
+    if spec is not None:
+        with stage("placing the spiking front end"):
+            before = placed_front_end(spec, board)
+        said.append(front_end_table(before, len(plan.cores)))
     files: dict[Path | None, str | dict[str, Any]] = {
         json_path: {
             "target": board.name,
@@ -120,6 +127,7 @@ def _model(
             "mapping": mapping(plan),
             "unproven": [row.name for row in rows],
             "modelled": modelled(plan),
+            **({} if before is None else {"front_end": before.as_json(len(plan.cores))}),
         }
     }
     if picture is not None:

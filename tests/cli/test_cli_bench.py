@@ -56,6 +56,16 @@ def test_a_spiking_front_end_is_counted_for_each_board(quick: Path) -> None:
     assert "registers: clearing of states" in text
     run(*BENCH, "--target", "kapoho-bay", "--json", "b.json")
     assert "front_end" not in json.loads(Path("b.json").read_text())
+    text = " ".join(run("fit", "f.lvpr", "--target", "kapoho-bay", "--json", "f.json").stdout.split())
+    fitted = json.loads(Path("f.json").read_text())["front_end"]
+    assert (fitted["fits"], fitted["cores"], fitted["steps"]) == (True, 43, 29)
+    assert fitted["populations"]["filters"]["binds"] == "compartments"
+    assert "It fits beside the network's 1 of 256 cores. No bundle holds it (unproven)" in text
+    text = " ".join(run("fit", "f.lvpr", "--target", "loihi2").stdout.split())
+    assert "Whether it fits is unknown" in text
+    assert "Its 29 steps would be 32: neurons are reset at powers of two." in text
+    text = " ".join(run("deploy", "f.lvpr", "--target", "kapoho-bay", "-o", "fb").stdout.split())
+    assert "No board runs the spiking front end: the host counts its spikes" in text
 
 
 def test_fit_deploy_and_bench_model_one_time_of_a_bundle(quick: Path) -> None:
