@@ -87,28 +87,6 @@ def test_equals_the_literal_version(learning: IntegerLearning) -> None:
     assert not np.array_equal(state.weights, start)
 
 
-def raster_of(weights: np.ndarray, inhibition: int) -> np.ndarray:
-    """Every spike of neurons that do not learn, uint8 (steps + 3, neurons)."""
-    frozen = changed(products=(), weight_sum=0, inhibition=inhibition, theta_plus=0)
-    state = PlasticState(weights.copy(), np.full(weights.shape[1], 240, np.int32))
-    rates = np.random.default_rng(2).integers(0, 12_000, len(weights)).astype(np.uint16)
-    raster = integer.present(state, frozen, rates, presentation_key(1, "train", 2), raster=True)[2]
-    assert np.array_equal(state.weights, weights)
-    return raster
-
-
-def test_inhibition_comes_once_a_step_and_spares_those_that_spiked() -> None:
-    weights = np.random.default_rng(3).integers(0, 60, (INPUTS, 3)).astype(np.uint8)
-    few = raster_of(weights, 300)
-    assert (few.sum(axis=0) > 1).sum() > 1
-    assert not np.array_equal(few, raster_of(weights, 0))
-    # Twice the neurons, pair by pair equal: two spikes in a step take no more than one, and neither takes from either.
-    assert np.array_equal(raster_of(np.repeat(weights, 2, axis=1), 300), np.repeat(few, 2, axis=1))
-    alone = raster_of(weights[:, :1], 300)
-    assert alone.sum() > 3
-    assert np.array_equal(alone, raster_of(weights[:, :1], 0))
-
-
 @given(st.lists(st.sampled_from(PRODUCT_MANTISSAS), min_size=1, max_size=3), st.data())
 @settings(max_examples=60, deadline=None, derandomize=True)
 def test_a_weight_change_equals_the_literal_one(mantissas: list[int], data: st.DataObject) -> None:
