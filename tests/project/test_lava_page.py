@@ -91,9 +91,9 @@ def test_backends_that_the_page_names_exist() -> None:
 
 BEFORE = """
 import numpy as np
-from lava_vpr import model as file
+from lava_vpr import encoding, model as file
 from lava_vpr.config import Config, EncoderConfig
-from lava_vpr.encoding import Keep, encode_traverse, query_rates
+from lava_vpr.encoding import Keep
 from lava_vpr.engine.inference.fixed import count_spikes
 from lava_vpr.synthetic import write_traverses
 from lava_vpr.training import train
@@ -102,13 +102,13 @@ from pathlib import Path
 
 write_traverses(Path("route"), places=4, seed=0)
 config = Config(encoder=EncoderConfig(orientations=4))
-images = encode_traverse(open_traverse("route/reference"), config.encoder, Keep.ALL)
-file.save(train([images], config), Path("route.lvpr"))
-rates = query_rates(images.activity, config)[:2]
+references = encoding.encode_traverse(open_traverse("route/reference"), config.encoder, Keep.ALL)
+file.save(train([references], config), Path("route.lvpr"))
 """
 AFTER = """
 assert counts.sum() > 20
 assert np.array_equal(counts, count_spikes(spec, rates, keys)[0])
+assert np.array_equal(network.weights.shape, spec.weights.T.shape)
 """
 
 
