@@ -17,7 +17,7 @@ from lava_vpr.traverse import open_traverse
 
 
 def arguments() -> argparse.ArgumentParser:
-    """What the program is told."""
+    """The program's options."""
     parser = argparse.ArgumentParser(description="Replay a ROS bag through a map.")
     parser.add_argument("model", help="a model file or bundle")
     parser.add_argument("bag", help="a .bag, .db3 or .mcap file, or the folder of a ROS 2 bag")

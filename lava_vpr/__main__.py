@@ -53,7 +53,7 @@ def run() -> None:
     mend_streams()
     os.environ.update(MPLBACKEND="agg", MATPLOTLIBRC=os.devnull)  # drawings are files, and the same for everybody
     code: object = 1
-    whole: list[int] = []  # the exit code, when nothing more is to be told
+    whole: list[int] = []  # the exit code, when nothing more is to be reported
     atexit.register(_end, whole)  # the first to be registered is the last to be called
     try:
         try:
@@ -62,13 +62,13 @@ def run() -> None:
             main(prog_name="lava-vpr")
         except SystemExit as ending:
             code = ending.code
-    except KeyboardInterrupt:  # a second one, while the first was being told; or when all was done
+    except KeyboardInterrupt:  # a second one, while the first was being reported; or when all was done
         pass
     finally:
         interrupts.over()
         try:
             sys.stdout.flush()
-        except (OSError, ValueError):  # it was told; Python would tell it again
+        except (OSError, ValueError):  # reported already; Python would report it again
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         interrupts.finish()
     if isinstance(code, int) and not interrupts.begun():

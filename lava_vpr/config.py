@@ -363,7 +363,7 @@ def for_events(config: Config) -> Config:
 class IntegerConfig(Config):
     """The settings of an integer network, as `integer_config` returns them.
 
-    Only type checkers see this class: what passes the gate stays the `Config` that it is.
+    Only type checkers see this class: an accepted value keeps its type `Config`.
     """
 
     network: LifNetwork

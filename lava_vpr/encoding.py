@@ -294,13 +294,13 @@ def _encoded(
 
 
 LARGE, SHARE = 1 << 17, 1 << 26
-"""Values of an image from which on threads are worth it, and of all that a thread takes before those are told of."""
+"""Values of an image from which on threads are worth it, and of all that a thread takes before it reports them."""
 
 
 def _in_order(encode: Callable[[int], NDArray[Any]], n: int, threads: int) -> Iterator[int]:
     """``encode`` of 0..n-1 as if one after the other; yields how many more are done.
 
-    The first is done alone. If it is large, threads share the next ones, some at a time, until something is to be told
+    The first is done alone. If it is large, threads share the next ones, some at a time, until there is one to report
     of one: from then on it is one after the other again.
     """
     done = wide = 0

@@ -1,4 +1,4 @@
-"""What happens when the program is told to stop: by Ctrl-C, SIGTERM, or SIGHUP when its terminal is closed.
+"""What happens when the program is stopped: by Ctrl-C, SIGTERM, or SIGHUP when its terminal is closed.
 
 `install` is for the program alone. It lets all three unwind the program as Ctrl-C does, so that everything that stands
 in a ``finally`` is done. `held` serves the library, too: within it nothing is interrupted.
@@ -41,7 +41,7 @@ class _SignalState:
         self.depth = 0  # blocks of `held` that we are in
         self.begun = True  # False: most of what a command needs is still to be loaded
         self.working = True  # False: there is nothing that would have to be ended in good order
-        self.telling = False  # True: what stopped the program is told just now
+        self.telling = False  # True: the signal that stopped the program is being reported
         self.waiting: list[int] = []  # signals that are held back
         self.stopped: list[int] = []  # signals that stopped the program
         self.lost: list[int] = []  # signals that stopped nothing, and come again
@@ -60,7 +60,7 @@ def _stop(number: int, frame: FrameType | None) -> None:
         _now.stopped.append(number)
         raise StoppedError
     elif number == signal.SIGINT:
-        if not _now.stopped:  # else it is told already
+        if not _now.stopped:  # else it is reported already
             with suppress(OSError):
                 os.write(2, b"\nAborted!\n")
         os._exit(1)
@@ -118,7 +118,7 @@ def begun() -> bool:
 
 
 def tell() -> None:
-    """Let no further signal cut short what is told of the one that stopped the program, if `install` was called."""
+    """Keep further signals from cutting short the report of the first one, if `install` was called."""
     _now.telling = any(signal.getsignal(number) is _stop for number in SIGNALS)
 
 

@@ -31,7 +31,7 @@ _open = 0
 _began = _spent = 0.0
 COMPILING_TEXT = "compiling kernels (first run)"
 COMPILING: list[Callable[[bool], None]] = []
-"""Who is told that kernels are compiled, True, and that one is done, False: the last of them."""
+"""Callbacks for compilation, of which the last is called: True when a kernel begins, False when it is done."""
 
 
 def drop_stale() -> None:

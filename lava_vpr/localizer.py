@@ -172,7 +172,7 @@ class Localizer:
             stamp: When it was taken, in seconds: after a longer pause than usual the robot may have gone further.
                 NaN counts for nothing; the match says what else cannot be.
             odometry: Metres driven since the last image, backwards below 0 (or either way, with motion ``any``); None:
-                unknown. Needs a map with positions. With one, a camera that is stuck is told.
+                unknown. Needs a map with positions. With one, a stuck camera is reported.
             name: What messages call the image; None: by the number of the call, from 0.
         Raises:
             InputError: the image is none, or the odometry cannot be used.

@@ -175,7 +175,7 @@ def matches_of(
         radius: Places that a probability includes on either side (`Together.radius`).
         top: Most candidates of a match; 1: none but the match itself, and none are named.
         stamps: When each query was taken, in seconds, float64 (n,); None: unknown.
-        signs: What speaks against each of them; None: nobody looked.
+        signs: Signs of doubt of each of them; None: nobody looked.
     """
     unknown = np.full(len(accepted), np.nan)
     off_map, followed = (unknown if known is None else known for known in (answers.off_map, answers.followed))

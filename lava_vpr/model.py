@@ -132,7 +132,7 @@ class Model:
 class IntegerModel(Model):
     """A model whose network is one of integers, as `integer_model` returns it.
 
-    Only type checkers see this class: what passes the gate stays the `Model` that it is.
+    Only type checkers see this class: an accepted value keeps its type `Model`.
     """
 
     config: IntegerConfig

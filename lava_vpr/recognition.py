@@ -102,7 +102,7 @@ def count_query_spikes(
         backend: Name in `lava_vpr.backends.registry.BACKENDS`, or a backend.
         seed: The seed of the queries' noise; None: the model's.
         threads: For a backend that is given by name; does not change the result.
-        advance: Told how many queries are done, by backends that are slow and given by name.
+        advance: Called with how many queries are done, by backends that are slow and given by name.
         shown: The queries as the backend is shown them, if that is known; None: worked out.
     Raises:
         InputError: the queries were encoded with other settings.

@@ -48,7 +48,7 @@ _COUNTS = re.compile(r"^(\d+ \w+.*) in [\d.]+s", re.MULTILINE)
 
 
 class Step(NamedTuple):
-    """A command whose end is told.
+    """A command whose exit code is reported.
 
     Attributes:
         name: What it shows.

@@ -1,1 +1,1 @@
-"""Five kinds of learning side by side, and the search that chose what SLAYER is told."""
+"""Five kinds of learning side by side, and the search that chose SLAYER's settings."""

@@ -74,7 +74,7 @@ class DrivenMap:
         on, off: The map's queries, and queries of other places.
         stops: A drive with stops, drawn with noise.
         rest: `REST` places, `RESTING` frames each, drawn with noise.
-        dull: The stretch that is told apart least.
+        dull: The stretch that is least distinguishable.
     """
 
     model: IntegerModel

@@ -87,7 +87,7 @@ def noisy(images: Sequence[Image], frames: Frames, seed: int) -> Iterator[Image]
 
 
 class Dull(NamedTuple):
-    """The stretch of a map whose references are told apart least, and its queries, blurred."""
+    """The stretch of a map whose references are least distinguishable, and its queries, blurred."""
 
     first: int
     shown: Presentations

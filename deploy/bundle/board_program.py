@@ -119,7 +119,7 @@ def run_program(
         words: More words of its command line.
         bias: Biases of each presentation in units of v, int32 (n, neurons); None: always the bundle's.
         patience: Seconds without progress after which it is stopped.
-        advance: Told how many more queries are done.
+        advance: Called with how many more queries are done.
     Raises:
         BackendUnavailableError: the interpreter cannot be started.
     """
@@ -217,7 +217,7 @@ def _has_nxsdk(python: str) -> str | None:
 
 
 def kapoho_bay_available() -> str | None:
-    """Why Kapoho Bay cannot be used here and what to do; None if it can, as far as can be told without starting it."""
+    """Why Kapoho Bay cannot be used here and what to do; None if it can, as far as is known without starting it."""
     reason = _has_nxsdk(os.environ.get(PYTHON) or sys.executable)
     if reason is None and os.environ.get("KAPOHOBAY") != "1":
         return "no Kapoho Bay is announced to NxSDK; connect it (lsusb must show it) and set KAPOHOBAY=1"
@@ -240,7 +240,7 @@ def run_bundle(
         rates: Spikes a step in units of 2^-16, uint16 (n, inputs).
         keys: Keys of the presentations, uint64 (n,).
         bias: Biases of each presentation in units of v, int32 (n, neurons); None: always the bundle's.
-        advance: Told how many more queries are done.
+        advance: Called with how many more queries are done.
     Returns:
         Counts int32 (n, neurons), every row from the board.
     Raises:

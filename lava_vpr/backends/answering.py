@@ -129,7 +129,7 @@ class Answered(NamedTuple):
         answers: What the model says of each.
         counts: Their spike counts, int32 (n, neurons).
         thumbnails: The queries as pages show them, uint8 (n, 48, 64, 3) BGR; None unless they were to be kept.
-        signs: What speaks against each of them.
+        signs: Signs of doubt of each of them.
         season: What is known of the season after them; None: it does not count.
         used: What they were presented with, if inputs have gains that are not replayed.
     """
@@ -171,11 +171,11 @@ def answer_stream(
         asking: How they are asked.
         seed: The seed of the queries' noise; None: the model's.
         threads: Threads that read images, and those of the backend; they do not change the result.
-        pace: Told the scores of the queries.
+        pace: Called with the scores of the queries.
         at_once: The first image is answered before the second is read, then ever more together; unless the backend is
             slow to start.
-        read: Told how many more images are read.
-        advance: Told how many more queries a slow backend has run.
+        read: Called with how many more images are read.
+        advance: Called with how many more queries a slow backend has run.
         keep: `Keep.THUMBNAILS`, if they are wanted.
     Raises:
         LavaVprError: an image cannot be read, the sequence exceeds the places, or the backend cannot run.

@@ -208,7 +208,7 @@ class Asker:
 
         Args:
             answers: The n answers.
-            signs: What speaks against each of the queries: those that are doubtful teach nothing.
+            signs: Signs of doubt of each query: doubtful ones teach nothing.
         """
         if self.learner is None or not self.asking.learn:
             return np.zeros(len(answers.matches), np.bool_)

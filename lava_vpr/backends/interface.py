@@ -26,7 +26,7 @@ from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.model import Model, checked_network
 
 Advance = Callable[[int], None]
-"""A function that is told how many more presentations are done."""
+"""A function called with how many more presentations are done."""
 
 RunFrontEnd = Callable[[FrontEnd, NDArray[np.uint8], Advance | None], Mapping[str, NDArray[np.uint8]]]
 """Runs a spiking front end on what its pixels take of images, uint8 (n, height, width): every spike of each population
@@ -141,7 +141,7 @@ class BackendRow:
     Attributes:
         name: The name that ``--backend`` takes.
         title: The backend in words, for people.
-        make: Makes the backend from the number of threads it may use and what is told its progress (None: nobody).
+        make: Makes the backend from the number of threads it may use and from a progress callback (None: none).
         unavailable: Why it cannot run here, and what to do; None if it can.
         exact: Its spikes are the host's, bit for bit; otherwise it computes in floating point, and its recall is
             compared instead.
@@ -149,7 +149,7 @@ class BackendRow:
             and say nothing of the arithmetic.
         counts_only: It tells spike counts, but no single spikes.
         board: Name of the board whose bundles it runs; None: it asks for no board.
-        timing: How ``bench`` times it: ``compiled`` in a fresh process, ``lava`` by the times that Lava's runs are told
+        timing: How ``bench`` times it: ``compiled`` in a fresh process, ``lava`` by the times that Lava's runs report
             with, ``board`` by the vendor's profiler; None: not at all.
         default: ``bench`` times it if no backend was asked for.
         limit: Most queries that ``bench`` times it on; None: all.

@@ -148,7 +148,7 @@ def require(name: str, model: Model | None = None) -> None:
 
 
 def get(name: str, threads: int = 1, advance: Advance | None = None) -> Backend:
-    """The backend called ``name``; ``advance`` is told how many presentations are done by those that are slow.
+    """The backend called ``name``; ``advance`` is called with how many presentations are done by those that are slow.
 
     Raises:
         BackendUnavailableError: unknown, or its software or device is missing.

@@ -203,7 +203,7 @@ def verify(
         further: The queries in the further views in which they are presented (`Asking.of`).
         seed: The seed of the queries' noise; None: the model's.
         threads: Threads of the host engine.
-        begin: Told each backend before its run; returns what is told its presentations as they are done.
+        begin: Called with each backend before its run; returns what is called as its presentations are done.
     Raises:
         InputError: a query without any spike of an excitatory neuron: its comparison would be empty.
     """

@@ -16,7 +16,7 @@ from lava_vpr.matching.probability import Calibration
 from lava_vpr.truth.alignment import NEAR_M, Located
 
 Begin = Callable[[str, int], Callable[[int], None]]
-"""A function that is told what begins and in how many parts, and returns what is told of parts done."""
+"""A function called with what begins and in how many parts, which returns a function called with the parts done."""
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ class Work:
         truth: bool (queries, places).
         request: What to find out.
         further: The query images in further views.
-        begin: Told what begins.
+        begin: Called with what begins.
         failed: What was asked for and could not be done, with the reason.
     """
 
@@ -251,7 +251,7 @@ def recall_and_costs(
         request: What to find out.
         further: The query images in the further views that it asks for (`Asking.of`).
         command: How to repeat the run, for the report.
-        begin: Told what begins.
+        begin: Called with what begins.
     Raises:
         LavaVprError: recall cannot be computed, or other queries are to be replayed. Whatever else is missing is said
             in the result.

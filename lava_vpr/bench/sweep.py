@@ -113,7 +113,7 @@ def sweep(
         board: One whose energies and times are published.
         pool: Who measures, which does not change the result; a cluster's workers measure `AHEAD` points at once, those
             that come next if the front stays as it is.
-        advance: Told, after each of ``budget`` points, how many more are done.
+        advance: Called after each of ``budget`` points with how many more are done.
     Returns:
         Every point, the model first. The front is over R@1, energy and time of the mean query. No backend stops
         early yet, so points without early stopping also have a front of their own.
@@ -157,7 +157,7 @@ def parents(found: Mapping[Any, list[Point]]) -> list[Settings]:
 
 
 def _nobody(standing: Standing) -> None:
-    """Who is told of tasks whose points are told themselves."""
+    """Progress callback of tasks whose points report themselves."""
 
 
 def _candidate(as_learned: Settings, point: Point, best: bool, chosen: str) -> SweepPoint:

@@ -66,7 +66,7 @@ class WhereOptions:
             )
 
     def of(self, traverse: Traverse, whole: int) -> Traverse:
-        """``traverse``, some of ``whole`` images, with what is told of them.
+        """``traverse``, some of ``whole`` images, with the reports about them.
 
         Raises:
             InputError: a file cannot be used, or does not tell of each image.
@@ -268,7 +268,7 @@ class TruthOptions:
     def of(
         self, model: Model, queries: Traverse, located: Located | None, among: NDArray[np.int64] | None = None
     ) -> NDArray[np.bool_]:
-        """Which places are correct for which query, bool (queries, places); what is assumed is told on stderr.
+        """Which places are correct for which query, bool (queries, places); assumptions are reported on stderr.
 
         Args:
             model: The model that answers.

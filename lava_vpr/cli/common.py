@@ -191,7 +191,7 @@ def setting_type(section: type, name: str, least: int | None = None) -> click.In
 
 
 seed_type = setting_type(Config, "seed")
-PATH = click.Path(path_type=Path, readable=False)  # what cannot be read is told with exit code 1, as all data
+PATH = click.Path(path_type=Path, readable=False)  # unreadable input is reported with exit code 1, as all data
 
 
 class PlainConsole(Console):

@@ -163,7 +163,7 @@ def _named(asked: Queries, route: Selection) -> dict[str, str]:
 
 
 def _motion(ctx: click.Context, compared: Comparison, route: Selection, correct: NDArray[np.bool_]) -> str:
-    """How the robot may have moved: as the user says, or not at all where the queries are no drive, which is told."""
+    """How the robot may have moved: as the user says, or not at all (reported) where queries are no drive."""
     chosen = ctx.get_parameter_source("motion") is not ParameterSource.DEFAULT
     drive = (route.opened is None or route.opened.dataset.route) and not leaps(correct, FASTEST)
     if chosen or drive or compared.sequence > 1:

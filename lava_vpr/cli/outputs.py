@@ -203,7 +203,7 @@ def file_writer(path: Path) -> Iterator[Callable[[bytes], None]]:
             content.seek(0)
             write_atomically(path, lambda file: shutil.copyfileobj(content, file))
     finally:
-        with suppress(OSError):  # a full disk, told before
+        with suppress(OSError):  # a full disk, reported before
             content.close()
 
 

@@ -251,7 +251,7 @@ def query_progress(
     """A bar for the images that are read, or for the queries that a slow backend has run, with how many are read.
 
     Yields:
-        What is told of further images read, and of further queries run.
+        Progress callbacks of images read and of queries run.
     """
     if silent:
         yield lambda done: None, lambda done: None

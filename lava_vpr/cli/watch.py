@@ -148,7 +148,7 @@ def _kept(localizer: Localizer, learning: Learning) -> Iterator[None]:
 
 @contextmanager
 def _served(localizer: Localizer, source: str, recent: Recent, port: int | None) -> Iterator[None]:
-    """The live page, if one is asked for; its address is told on stderr."""
+    """The live page, if one is asked for; its address is reported on stderr."""
     if port is None:
         yield
         return

@@ -49,7 +49,7 @@ _thread = threading.local()
 
 
 class GivenUpError(Exception):
-    """Raised out of a task that runs tasks of its own, when the run that it belongs to is given up; nobody is told."""
+    """Raised out of a task that runs tasks of its own, when its run is given up; it is not reported."""
 
 
 class LostTaskError(Exception):
@@ -78,7 +78,7 @@ class Standing:
 
 
 Told = Callable[[Standing], None]
-"""A function that is told where tasks stand, whenever that has changed."""
+"""A function called with the state of the tasks whenever it has changed."""
 
 
 class Runner:
@@ -161,7 +161,7 @@ class Pool:
         progress: Told | None = None,
         stop: threading.Event | None = None,
     ) -> Generator[R, None, None]:
-        """The results of ``function(shared, task)`` for all ``tasks``, in their order, each as soon as it can be told.
+        """The results of ``function(shared, task)`` for all ``tasks``, in their order, each as soon as it is known.
 
         Args:
             function: A function of a module; of this process alone, where there is no cluster, any.
@@ -169,7 +169,7 @@ class Pool:
             shared: What every task takes first; sent to each worker once.
             called: What the tasks are, in the plural, for `Standing`.
             total: How many they are, if that is known, for the same.
-            progress: Told where they stand; None: who was named to the cluster, if anybody was.
+            progress: Called with their state; None: the one named to the cluster, if any.
             stop: Set as soon as one fails or the run is given up; what runs here can look at it and end early.
         Raises:
             ClusterError: the cluster was lost, or a task ends its workers.

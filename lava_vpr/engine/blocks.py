@@ -72,7 +72,7 @@ class _BlockTask(NamedTuple):
 
 
 def counted(count: Count[N], network: N, blocks: Iterable[Block], *, pool: Pool, total: int) -> Iterator[Counted]:
-    """What ``total`` blocks count, in their order, each as soon as it can be told; equal whoever counts.
+    """What ``total`` blocks count, in their order, each as soon as it is known; equal whoever counts.
 
     Args:
         count: Counts a block.

@@ -62,7 +62,7 @@ def _blocks(path: Path) -> Iterator[Raw]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[_Reader]:
-    """The opened file; what is wrong with it is told in one line."""
+    """The opened file; an error in it is reported in one line."""
     try:
         with open_regular(path) as file:
             yield _Reader(path, file)

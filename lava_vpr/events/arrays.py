@@ -99,7 +99,7 @@ def _blocks(opened: Opened, path: Path) -> Iterator[Raw]:
 
 @contextlib.contextmanager
 def hdf5(path: Path) -> Iterator[Holder]:
-    """An opened HDF5 file; what goes wrong in h5py, which raises anything of a damaged file, is told in one line."""
+    """An opened HDF5 file; errors of h5py, which can be of any type for a damaged file, are reported in one line."""
     import h5py  # here: most commands read no HDF5, and it takes a tenth of a second
 
     try:
@@ -211,7 +211,7 @@ class _Member:
 
 @contextlib.contextmanager
 def npz(path: Path) -> Iterator[Holder]:
-    """An opened ``.npz`` file; what goes wrong in it is told in one line."""
+    """An opened ``.npz`` file; an error in it is reported in one line."""
     try:
         with open_regular(path) as file, zipfile.ZipFile(file) as archive, contextlib.ExitStack() as stack:
             members = _members(archive)

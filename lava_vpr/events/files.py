@@ -147,7 +147,7 @@ def event_samples(source: str, config: EventsConfig, every: float, handle: int =
     Args:
         source: ``events:WIDTHxHEIGHT``, the size of the sensor. Events follow each other as in an AEDAT4 packet: 16
             bytes, little-endian, of which the time in microseconds (int64), column and row (int16 each) and the sign (a
-            byte) are told, and the rest is not looked at.
+            byte) are reported, and the rest is not read.
         config: How events become images.
         every: Seconds from the begin of one window to that of the next, at least.
         handle: The descriptor that is read.

@@ -43,7 +43,7 @@ Calibration = tuple[EncodedTraverse, NDArray[np.bool_]]
 """Images to measure recall on, and their truth, bool (images, places)."""
 
 Begin = Callable[[int], Callable[[str], None]]
-"""A function that is told the most points to be tried, and returns what is called after each with a note."""
+"""A function called with the most points to be tried, which returns what is called after each with a note."""
 
 
 def figures(model: Model, calibration: Calibration, *, threads: int = 1) -> CompressionFigures:

@@ -23,7 +23,7 @@ T = TypeVar("T", bound=Hashable)
 R = TypeVar("R")
 
 Advance = Callable[[int, str], None]
-"""A function that is told how many more tasks are done, and what is being done."""
+"""A function called with how many more tasks are done, and with what is being done."""
 
 
 def ignored(done: int, note: str) -> None:

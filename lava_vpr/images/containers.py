@@ -241,7 +241,7 @@ def _variable(data: bytes, most: int, position: int) -> tuple[int, int]:
 
 
 def _element(file: Window, position: int, end: int) -> Part:
-    """The element at ``position``; one of unknown length is told as empty: what is in it follows."""
+    """The element at ``position``; one of unknown length counts as empty: its contents follow."""
     head = file.at(position, min(12, file.size - position))
     number, first = _variable(head, 4, position)
     size, second = _variable(head[first:], 8, position)

@@ -83,7 +83,7 @@ _thread = threading.local()
 
 
 class AloneError(Exception):
-    """Raised out of an image that is to be read when no other is: something has to be told of it, or it is large."""
+    """Raised out of an image that is to be read when no other is: it has to be reported, or it is large."""
 
 
 def _beside_others() -> bool:
@@ -101,7 +101,7 @@ def side_by_side(work: Callable[[int], object], numbers: Sequence[int], threads:
     """Have threads do ``work``, which reads an image, for all ``numbers`` at once.
 
     Returns:
-        Whether all is done; else something is to be told of one of the images, by an error or otherwise, and nothing
+        Whether all is done; else one of the images is to be reported, by an error or otherwise, and nothing
         was: who does the same one after the other hears it in its turn.
     """
 

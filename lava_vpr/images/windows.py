@@ -101,7 +101,7 @@ class Window:
         Args:
             position, end: Where the first begins and the last ends.
             header: Reads the header at a position of a part within one that ends at another. A part of unknown length
-                is told as an empty one: what is in it follows.
+                counts as empty: its contents follow.
             entered: Kinds of parts whose contents are parts themselves.
             align: Bytes of which each part takes a multiple.
         Raises:

@@ -1,4 +1,4 @@
-"""What speaks against the images of a traverse, one after the other: images that repeat while the robot moves, that are
+"""Signs that an image is doubtful, one image after the other: images that repeat while the robot moves, that are
 unlike all that the map has seen, or turned, and times that cannot be.
 
 Nothing here looks at the places that images match: an image of a camera that is stuck, turned or half covered
@@ -62,7 +62,7 @@ class Clock:
 
 
 class Sign(NamedTuple):
-    """What speaks against an image.
+    """Signs that an image is doubtful.
 
     Attributes:
         repeats: How many images in a row before it show the very same.
@@ -80,7 +80,7 @@ class Sign(NamedTuple):
 
 
 class Doubts:
-    """What speaks against the images of one traverse, in order.
+    """Signs of doubt of the images of one traverse, in order.
 
     Images show the very same if the responses of all inputs are equal, bit for bit: equal images always do, and two
     that a camera took never, since each has noise of its own. Images without any response say nothing of the camera.
@@ -110,7 +110,7 @@ class Doubts:
         odometry: float | None = None,
         point: NDArray[np.float64] | None = None,
     ) -> Sign:
-        """What speaks against the next image.
+        """Signs of doubt of the next image.
 
         Args:
             activity: Responses of its inputs, float32 (inputs,).
@@ -171,7 +171,7 @@ class Doubts:
 def signs_of(
     doubts: Doubts, activity: NDArray[np.float32], stamps: NDArray[Any] | None, points: NDArray[np.float64] | None
 ) -> list[Sign]:
-    """What speaks against each of the next n images.
+    """Signs of doubt of each of the next n images.
 
     Args:
         doubts: Of the images before, and afterwards of these.

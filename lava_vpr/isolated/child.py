@@ -1,6 +1,6 @@
 """A program run as a child that cannot outlive its time, nor its caller's interest: it is ended with all it started.
 
-How much memory processes hold is told as Linux tells it; None where the system does not.
+Memory of processes is reported as Linux reports it; None where the system does not.
 """
 
 from __future__ import annotations

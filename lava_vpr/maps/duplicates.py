@@ -19,7 +19,7 @@ def check_duplicates(routes: Sequence[LearnedRoute], allowed: bool, *, learning:
 
     Args:
         routes: The parts of a map, in order; blank images are not compared.
-        allowed: Whether duplicates are told only.
+        allowed: Whether duplicates are only reported.
         learning: Whether the last route is yet to be learned, so that none may show an image of its own before, either.
     Raises:
         InputError: there are some, and they are not allowed.

@@ -253,7 +253,7 @@ def least_probability(together: Together, precision: float | None = None) -> flo
         together: How queries are matched.
         precision: The share; None: `PRECISION`.
     Returns:
-        NaN where probabilities are not known, which is told: nothing is accepted.
+        NaN where probabilities are not known, which is reported: nothing is accepted.
     Raises:
         ConfigError: the precision is not above 0 and below 1, or given where probabilities are not known.
     """

@@ -118,7 +118,7 @@ def paper_table(
         keep: The folder of the figures of finished sections; None: they are not kept.
         pool: Who measures, a thread one section at a time; a cluster's are read here. It changes no figure.
         kept_only: Compute nothing: take what is kept.
-        advance: Told of every section that is done.
+        advance: Called after each section.
     Raises:
         LavaVprError: images or descriptors that cannot be used, or figures that cannot be kept.
     """

@@ -49,7 +49,7 @@ def read_bytes(path: Path, limit_name: str) -> bytes:
     with open_regular(path) as file:
         length = os.fstat(file.fileno()).st_size
         most = limit(limit_name)
-        # Python takes the memory that may be read before it reads: what the file is told to hold, and one byte.
+        # Python takes the memory that may be read before it reads: the size the file claims, and one byte.
         data = b"" if length > most else file.read(length + 1)
         if len(data) > length:  # it has grown, or tells no length
             data += file.read(most + 1 - len(data))

@@ -1,4 +1,4 @@
-"""Text lists and CSV tables, in and out: every line and cell is told apart as its writer meant it, or refused."""
+"""Text lists and CSV tables, in and out: every line and cell is read as its writer meant it, or refused."""
 
 from __future__ import annotations
 

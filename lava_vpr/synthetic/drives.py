@@ -93,7 +93,7 @@ def write_drives(
         folder, keep: As in `lava_vpr.synthetic.world.replace_folder`.
         drives: The two.
         end: End of the files' names, one of `lava_vpr.events.camera.WRITTEN`.
-        advance: Told after each picture.
+        advance: Called after each picture.
     Returns:
         The number of events of each.
     Raises:

@@ -157,8 +157,8 @@ def train(
         checkpoint: Where to keep checkpoints; None keeps none.
         interval: Least seconds between two checkpoints.
         resume: Go on from ``checkpoint``.
-        progress: Called after every presentation here, from any thread; of a cluster, it is told where tasks stand.
-        resumed: Function that is told the epochs done per stretch when training resumes.
+        progress: Called after every presentation, from any thread; on a cluster, with the state of the tasks.
+        resumed: Function called with the epochs done per stretch when training resumes.
     Raises:
         ConfigError: the settings cannot be learned, or model or training would cost more than the limits allow.
         InputError: references do not match each other or the settings.

@@ -59,7 +59,7 @@ def watch(
     Args:
         localizer: Asked where each was taken.
         source: The images.
-        refused: Told the number of each that cannot be read or answered, and why; watching goes on.
+        refused: Called with the number of each that cannot be read or answered, and why; watching goes on.
     Raises:
         LavaVprError: the source goes away.
     """

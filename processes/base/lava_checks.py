@@ -55,7 +55,7 @@ def _loihi_installed() -> bool:
 
 
 def loihi_available() -> str | None:
-    """Why Lava cannot run on Loihi here; None if it can, as far as can be told without a board."""
+    """Why Lava cannot run on Loihi here; None if it can, as far as is known without a board."""
     if not _loihi_installed():
         return f"lava-loihi is not installed; {VENDOR}"
     host = getattr(sys.modules.get("lava.utils.loihi"), "host", None)

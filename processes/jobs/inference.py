@@ -142,7 +142,7 @@ def play(
         way: How Lava runs it.
         presentations: In all units together.
         batch: Presentations of a unit.
-        clock: Clock that is told of every run.
+        clock: Clock started and stopped with every run.
     Raises:
         BackendUnavailableError: a part of the network would run on the CPU instead of the board.
     """

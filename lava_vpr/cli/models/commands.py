@@ -197,7 +197,7 @@ def _positions(model: Model, traverse: Traverse, given: bool, path: Path) -> Pos
     Args:
         model: The model.
         traverse: The new places.
-        given: Whether the user gave positions; else they are told by the names of files, if at all.
+        given: Whether the user gave positions; else they follow from the names of files, if at all.
         path: The file of the model.
     Raises:
         InputError: one has positions, the other none.

@@ -1,4 +1,4 @@
-"""The option ``--cluster``: who else does the work, what is told of it, and how far it has come."""
+"""The option ``--cluster``: who else does the work, what is sent to it, and its progress."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _workers(number: int) -> str:
 
 @contextmanager
 def pool_at(address: str | None, threads: int | None = None) -> Iterator[Pool]:
-    """The cluster at ``address``, whose workers are told, and every run's progress; without, threads, one a processor.
+    """The cluster at ``address``, with each run's progress on stderr; without one, one thread per processor.
 
     Raises:
         ClusterError: as `lava_vpr.cluster.connection.connected`.

@@ -133,7 +133,7 @@ class MatchTable:
 
     @property
     def _keys(self) -> tuple[str, ...]:
-        """What is told of each candidate."""
+        """Callback for each candidate."""
         return ("place", "place_name", "score", *(("probability",) if self.chances else ()))
 
     def _further(self, best: list[Row]) -> list[object]:
