@@ -39,6 +39,10 @@ def test_every_core_is_within_the_limits_and_one_neuron_more_is_not(
             _taken(board, [row for (_, to), row in rows.items() if to == name], start, end)
             for start, end in zip(each.starts.tolist(), ends.tolist(), strict=True)
         ]
+        if each.cores > 1 and each.binds != "axons out":
+            more = _taken(board, [row for (_, to), row in rows.items() if to == name], 0, int(ends[0]) + 1)
+            limits = (board.compartments, board.axons_in, board.memory.capacity)
+            assert any(need > limit for need, limit in zip(more, limits, strict=True))
         most = np.max(found, axis=0)
         assert (each.compartments, each.axons_in) == tuple(most[:2])
         assert each.memory == pytest.approx(most[2] / board.memory.capacity)
