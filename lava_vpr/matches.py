@@ -88,7 +88,7 @@ class Match:
         """The match as plain JSON values; what is not known is None.
 
         Probabilities have six digits, times microseconds, positions a centimetre. The two coordinates are not there
-        where the map has none, and what speaks against an image is there only if something does.
+        where the map has none, and signs of doubt are there only if the image is doubtful.
         """
         there = self.place >= 0
         said: dict[str, Any] = {

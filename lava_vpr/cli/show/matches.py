@@ -72,7 +72,7 @@ class MatchTable:
         """The table of a model's matches: where they are known, further columns follow those that are always there.
 
         Of the matched place its position, in the model's frame; of the query its time, in seconds; and the metres
-        between the two positions, and what only they can tell: repeated images, and what speaks against a run of them.
+        between the two positions, and what only they can tell: repeated images, and why a run of them is doubtful.
         What is wrong with times follows if anything is.
 
         Raises:
@@ -121,7 +121,7 @@ class MatchTable:
         return csv_line([*self.cells(row).values(), *self._further(row["candidates"])])
 
     def json(self, row: Row) -> str:
-        """A row as a line of JSON: the columns by their names, what speaks against the query, a list of candidates."""
+        """A row as a line of JSON: the columns by their names, why the query is doubtful, a list of candidates."""
         values = {column.name: row[column.name] for column in self.columns}
         against = {name: row[name] for name in ("cause", "unlike") if row.get(name) is not None}
         return json_line(values | against | ({"candidates": row["candidates"]} if self.top > 1 else {}))
