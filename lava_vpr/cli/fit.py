@@ -24,6 +24,7 @@ from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.errors import shown
+from lava_vpr.inputs.encoder import EncoderConfig
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.model import lif_model
 from lava_vpr.show.table import Table
@@ -103,20 +104,14 @@ def _model(
     from lava_vpr.deploy.bundle.compression import adapted
     from lava_vpr.deploy.bundle.deployment import mapping, modelled, plan_of, unproven
     from lava_vpr.deploy.cost.expected import timed
-    from lava_vpr.deploy.mapping.front_end import placed as placed_front_end
-    from lava_vpr.deploy.show.tables import front_end_table
 
     model = lif_model(open_model(model_path), board.title, model_path)
     with stage(f"placing {model.neurons:,} neurons"):
         compressed = adapted(model, board, changes)
         plan = timed(plan_of(compressed.model, board, dense_rows=dense_rows), compressed.model)
     rows = unproven(plan)
-    said = placed(plan, compressed.notes, rows)
-    spec, before = model.config.encoder.front_end, None
-    if spec is not None:
-        with stage("placing the spiking front end"):
-            before = placed_front_end(spec, board)
-        said.append(front_end_table(before, len(plan.cores)))
+    tables, before = _front_end(model.config.encoder, board, len(plan.cores))
+    said = [*placed(plan, compressed.notes, rows), *tables]
     files: dict[Path | None, str | dict[str, Any]] = {
         json_path: {
             "target": board.name,
@@ -127,7 +122,7 @@ def _model(
             "mapping": mapping(plan),
             "unproven": [row.name for row in rows],
             "modelled": modelled(plan),
-            **({} if before is None else {"front_end": before.as_json(len(plan.cores))}),
+            **before,
         }
     }
     if picture is not None:
@@ -136,6 +131,18 @@ def _model(
         files[picture] = draw(plan).decode()
         said.append(f"picture: {shown(picture)}")
     return show_results(said, files)
+
+
+def _front_end(encoder: EncoderConfig, board: Board, cores: int) -> tuple[list[Table], dict[str, Any]]:
+    """Whether a spiking front end fits beside the network's ``cores``, for people and as JSON; nothing without."""
+    if encoder.front_end is None:
+        return [], {}
+    from lava_vpr.deploy.mapping.front_end import placed as placed_front_end
+    from lava_vpr.deploy.show.tables import front_end_table
+
+    with stage("placing the spiking front end"):
+        found = placed_front_end(encoder.front_end, board)
+    return [front_end_table(found, cores)], {"front_end": found.as_json(cores)}
 
 
 def _largest(

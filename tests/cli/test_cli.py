@@ -111,7 +111,7 @@ def test_every_command_and_option_says_what_it_is() -> None:
     seen = dict(commands())
     changing = ["extend", "remove", "merge"]
     asking = ["eval", "query", "watch", "season", "verify", "fit", "deploy", "export", "import", "bench"]
-    asking += ["datasets", "study", "paper-table", "doctor"]
+    asking += ["datasets", "protocol", "study", "paper-table", "doctor"]
     assert list(seen) == ["demo", "synth", "train", *changing, *asking]
     overview = run("--help").stdout
     assert overview == run("-h").stdout
