@@ -273,8 +273,8 @@ def _manifest(path: Path) -> dict[str, Any]:
         manifest = _strict_json(read_bytes(path / MANIFEST, "bundle_json_bytes"))
     except FileNotFoundError:
         raise BundleError(
-            f"{shown(path)}: holds no {MANIFEST}, so it is no bundle; give a model file or a folder written by "
-            "`lava-vpr deploy`, before any images"
+            f"{shown(path)}: holds no {MANIFEST}, so it is no bundle; give a model file, which `lava-vpr train` makes "
+            "of a folder of images, or a folder written by `lava-vpr deploy`"
         ) from None
     except OSError as error:
         raise BundleError(f"{file}: cannot be read ({error.strerror}); check it and its permissions") from None

@@ -125,7 +125,7 @@ def refuse_swapped(path: Path, source: str) -> None:
     """
     other = Path(source)
     if other.suffix.lower() == MODEL_SUFFIX and path.suffix.lower() != MODEL_SUFFIX and other.is_file():
-        raise InputError(f"{shown(source)} is a model, and {shown(path)} none; give the model first, then the images")
+        raise InputError(f"{shown(source)} is a model, and {shown(path)} is not; give the model first, then the images")
 
 
 @dataclass(frozen=True)

@@ -157,9 +157,9 @@ def query(
     with query_progress(traverse.source, backend, len(traverse), silent=writing.silent) as (read, advance):
         how = partial(answer, threads=cores(), pace=pace, keep=writing.keep)
         stream = _noted(how(at_once=writing.lines, read=read, advance=advance), model, learning)
-        recognised = _write(model, traverse, stream, table, together, writing, accepting)
+        accepted = _write(model, traverse, stream, table, together, writing, accepting)
     _warn(pace, sequence)
-    writing.conclude(len(traverse), recognised)
+    writing.conclude(len(traverse), accepted)
 
 
 def _warn(pace: Pace | None, sequence: int) -> None:
@@ -218,8 +218,8 @@ def _write(
     writing: Writing,
     accepting: Accepting,
 ) -> int:
-    """Write the rows of the queries as they are answered; how many were recognised."""
-    form, least, recognised = writing.form_of(len(traverse)), accepting.least(together), 0
+    """Write the rows of the queries as they are answered; how many are accepted."""
+    form, least, accepted = writing.form_of(len(traverse)), accepting.least(together), 0
     unfollowed, notes = Unfollowed(), Notes()
     asked = Asked(model, traverse, together, least, writing.reference_folder)
     with ExitStack() as waiting, writing.rows() as write, writing.takers(asked) as take:
@@ -233,7 +233,7 @@ def _write(
             found = matches_of(
                 model, answers, good, some.counts, radius=radius, top=top, stamps=done.stamps, signs=some.signs
             )
-            recognised += sum(match.accepted for match in found)
+            accepted += sum(match.accepted for match in found)
             for index, match in zip(done.indices.tolist(), found, strict=True):
                 notes.take(index, match)
             take(some, found)
@@ -241,7 +241,7 @@ def _write(
             write("".join(SHOWN[form](table, row, least) for row in table.rows(done, answers, found)))
     if unfollowed.said is not None:
         stderr.print(f"warning: {unfollowed.said}")
-    return recognised
+    return accepted
 
 
 @contextmanager

@@ -126,7 +126,7 @@ def _refuse(recent: Recent, index: int, why: InputError) -> None:
 def _sum_up(recent: Recent, *, stays: bool) -> None:
     """Tell what became of the images; where the page ``stays``, let it be looked at until Ctrl-C."""
     said = recent.said
-    stderr.print(f"note: {counted(said['answered'])}, {said['recognised']} recognised, {said['refused']} left out")
+    stderr.print(f"note: {counted(said['answered'])}, {said['recognised']} accepted, {said['refused']} left out")
     if recent.unfollowed.said is not None:
         stderr.print(f"warning: {recent.unfollowed.said}")
     if stays:

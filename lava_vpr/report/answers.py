@@ -90,18 +90,18 @@ class AnswersData:
 
 
 def _header(data: AnswersData) -> str:
-    """The head of the page: how many images were recognised, and what decides that."""
+    """The head of the page: how many matches are accepted, and what decides that."""
     said = ""
     if math.isfinite(data.least):
-        but = f", but {counted(data.refused, 'image')} that something speaks against" if data.refused else ""
+        but = f", but for {counted(data.refused, 'doubtful image')}" if data.refused else ""
         said = f"Matches of a probability of {100 * data.least:.1f} % or more are accepted{but}."
     elif math.isinf(data.least):
         said = "No probability is high enough for the precision that was asked for."
     elif not data.probable:
         said = "The probability of these matches is not known."
     facts = "".join(f"<div><dt>{safe(k)}</dt><dd>{safe(v)}</dd></div>" for k, v in data.summary.items())
-    recognised, queries = int(data.accepted.sum()), len(data.matches)
-    return render("answers_header.html", recognised=str(recognised), queries=str(queries), said=said, facts=facts)
+    accepted, queries = int(data.accepted.sum()), len(data.matches)
+    return render("answers_header.html", accepted=str(accepted), queries=str(queries), said=said, facts=facts)
 
 
 def _in_order(data: AnswersData) -> str:
@@ -110,8 +110,8 @@ def _in_order(data: AnswersData) -> str:
     line = 0.03 + 0.95 * data.least if data.probable and math.isfinite(data.least) else None
     alt = f"{data.what.capitalize()} of {len(tops)} matches, {int(data.accepted.sum())} of them accepted"
     drawing = bars(tops, np.where(data.accepted, "r", "n"), line, alt)
-    dashed = "" if line is None else "; from the dashed line on it is accepted"
-    dashed += ", unless something speaks against the image" if line is not None and data.refused else ""
+    dashed = "" if line is None else "; on or above the dashed line it is accepted"
+    dashed += ", unless the image is doubtful" if line is not None and data.refused else ""
     return render("answers_order.html", what=data.what, line=dashed, drawing=drawing)
 
 

@@ -77,8 +77,9 @@ def choose_queries(model: Model, whole: Traverse, places: tuple[int, int] | None
     if not aligned and len(whole) != model.route_images:
         return whole
     if len(whole) != model.route_images:
+        queries = "1 query" if len(whole) == 1 else f"{len(whole)} queries"
         raise InputError(
-            f"{shown(whole.source)}: has {len(whole)} queries, the references {model.route_images}: nothing says which "
+            f"{shown(whole.source)}: has {queries}, the references {model.route_images}: nothing says which "
             "place a query shows; give --gt FILE, --positions, or --places A:B"
         )
     return whole.between(int(model.place_indices.min()), int(model.place_indices.max()) + 1)

@@ -98,7 +98,7 @@ def test_where_all_is_on_the_map_a_match_is_likelier(here: Path) -> None:
     assert all(one < other for one, other in zip(*sure, strict=True))
     (row, *_) = figures("query", "--off-map", 0)["probability"]["single"]["thresholds"]
     assert row["accepted"] >= figures("query")["probability"]["single"]["thresholds"][0]["accepted"]
-    assert "the calibration takes 0 % for that" in " ".join(
+    assert "the calibration takes 0 % for that (--off-map)" in " ".join(
         run("eval", "m.lvpr", "query", "--off-map", 0).stdout.split()
     )
 
@@ -249,10 +249,9 @@ def test_the_csv_has_these_columns(here: Path) -> None:
         shape = rf"{k},place_{k:05d}\.png,(\d),place_0000\1\.png,\d[\d.e+-]*,(true|false),(0\.\d{{6}})"
         assert re.fullmatch(shape, line), line
     rows = matches("query")
-    assert text == f"8 images, {sum(row['accepted'] == 'true' for row in rows)} recognised: q.csv\n"
+    assert text == f"8 images, {sum(row['accepted'] == 'true' for row in rows)} accepted: q.csv\n"
     assert (
-        run("query", "m.lvpr", "query", "-o", "q.csv", "--min-confidence", 0).stdout
-        == "8 images, 8 recognised: q.csv\n"
+        run("query", "m.lvpr", "query", "-o", "q.csv", "--min-confidence", 0).stdout == "8 images, 8 accepted: q.csv\n"
     )
     assert sum(row["query"] == row["place"] for row in rows) == round(8 * recall(figures("query")))
 
@@ -303,7 +302,7 @@ def test_min_confidence_accepts_the_surest(here: Path) -> None:
     assert [row["accepted"] for row in some] == [str(float(row["confidence"]) >= limit).lower() for row in every]
     assert 0 < sum(row["accepted"] == "true" for row in some) < 8
     none = run("query", "m.lvpr", "query", "-o", "q.csv", "--min-confidence", "inf").stdout
-    assert none == "8 images, 0 recognised: q.csv\n"
+    assert none == "8 images, 0 accepted: q.csv\n"
 
 
 def test_a_confidence_copied_from_the_csv_accepts_its_own_row(here: Path) -> None:

@@ -87,7 +87,11 @@ DATA: list[tuple[dict[str, bytes | str | None], str, str]] = [
     ),
     ({}, TRAIN.format("ref") + " --resume", "n.lvpr.checkpoint: there is no checkpoint to resume from"),
     ({}, "eval none.lvpr query", "none.lvpr: the model cannot be read (No such file or directory)"),
-    ({}, "eval ref query", "ref: holds no manifest.json, so it is no bundle; give a model file or a folder"),
+    (
+        {},
+        "eval ref query",
+        "ref: holds no manifest.json, so it is no bundle; give a model file, which `lava-vpr train` makes",
+    ),
     ({"m.lvpr": None}, "eval m.lvpr query", "m.lvpr: the model is damaged (checksum differs)"),
     ({"m.npz": saved(np.savez, np.zeros(3))}, "eval m.npz query", "m.npz: is not a lava-vpr model"),
     ({"e.lvpr": ""}, "eval e.lvpr query", "e.lvpr: the file is empty"),

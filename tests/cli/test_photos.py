@@ -228,7 +228,7 @@ def test_a_folder_of_a_phone_becomes_a_report_in_two_commands(
 
 
 def test_arguments_that_are_swapped_are_named(place: Path) -> None:
-    said = "m.lvpr is a model, and query none; give the model first, then the images"
+    said = "m.lvpr is a model, and query is not; give the model first, then the images"
     for command in ("query", "eval", "watch", "verify", "bench"):
         assert fails(command, "query", "m.lvpr") == said
     assert "m.lvpr: is of no known type" in fails("query", "m.lvpr", "m.lvpr")

@@ -41,7 +41,7 @@ def paths() -> str:
 def test_the_answers_are_those_of_query(words: tuple[str, ...], here: Path) -> None:
     said, result = watched("-", *words, input=paths())
     assert result.exit_code == 0, result.output
-    assert result.stderr == f"note: 8 images, {sum(one['accepted'] for one in said)} recognised, 0 left out\n"
+    assert result.stderr == f"note: 8 images, {sum(one['accepted'] for one in said)} accepted, 0 left out\n"
     run("query", "m.lvpr", "query", "-o", "q.jsonl", "--top", 5, *(words or ("--motion", "any")))
     rows = [json.loads(line) for line in Path("q.jsonl").read_text().splitlines()]
     for one, row in zip(said, rows, strict=True):

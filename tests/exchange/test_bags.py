@@ -52,7 +52,7 @@ def read(path: str) -> dict[str, list[tuple[int, Any]]]:
 
 def test_a_bag_has_poses_links_and_posteriors(drive: None) -> None:
     told = run(*ALL, "--bag", "out").stdout
-    assert told == "8 images, 8 recognised: q.csv\n"
+    assert told == "8 images, 8 accepted: q.csv\n"
     bag, robot = read("out"), Localizer("xy.lvpr", target_precision=0.1)
     assert {topic: len(said) for topic, said in bag.items()} == {
         "/initialpose": 8,

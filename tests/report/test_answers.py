@@ -55,7 +55,7 @@ def test_a_thousand_places_stay_below_two_megabytes() -> None:
 def test_what_is_not_known_is_not_shown() -> None:
     text = page(example(off_map=None, followed=None, map=None))
     assert ("#drive" in text, "#map" in text, "#pairs" in text) == (False, False, True)
-    assert 'Recognised <b class="num">35 of 70</b> images' in text
+    assert 'Accepted <b class="num">35 of 70</b> images' in text
     assert "a probability of 59.5 % or more" in text
     unknown = page(example(probability=np.full(70, np.nan), least=np.nan))
     assert "The probability of these matches is not known." in unknown
@@ -66,12 +66,12 @@ def test_what_is_not_known_is_not_shown() -> None:
 
 def test_images_that_something_speaks_against_are_told() -> None:
     data = example()
-    assert "speaks against" not in page(data)
+    assert "doubtful" not in page(data)
     accepted = data.accepted.copy()
     accepted[-3:] = False
     text = page(dataclasses.replace(data, accepted=accepted))
-    assert "or more are accepted, but 3 images that something speaks against." in text
-    assert "it is accepted, unless something speaks against the image" in text
+    assert "or more are accepted, but for 3 doubtful images." in text
+    assert "it is accepted, unless the image is doubtful" in text
 
 
 def test_the_map_says_what_is_known_of_the_images() -> None:

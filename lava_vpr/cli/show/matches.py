@@ -195,8 +195,8 @@ def sentences(table: MatchTable, row: Row, least: float) -> str:
     elif not good and row.get("unlike") is not None:
         sure += ", but it is unlike all that the map has seen"
     elif not good:
-        why = f"below the threshold of {least:.0%}" if least <= 1 else "and no probability is enough"
-        sure += f", {why} for this precision"
+        why = f"below the threshold of {least:.0%}" if least <= 1 else "and no probability is high enough"
+        sure += f", {why} (--target-precision)"
     shows = "shows" if good else "may show"
     verdict = "accepted" if good else "not accepted"
     text = f"{cells['query_name']} {shows} place {cells['place']} ({cells['place_name']}){where}: {verdict}, {sure}.\n"

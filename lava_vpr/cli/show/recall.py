@@ -68,7 +68,8 @@ def trust_tables(result: Recognition) -> list[Table]:
     if not result.trust:
         return []
     one = next(iter(result.trust.values()))
-    note = f"{percent(one.off_map)} % of the queries are off the map; the calibration takes {one.taken} for that"
+    off = f"{percent(one.off_map)} % of the queries are off the map"
+    note = f"{off}; the calibration takes {one.taken} for that (--off-map)"
     rows = []
     for name, found in result.trust.items():
         for number, row in enumerate(found.thresholds):

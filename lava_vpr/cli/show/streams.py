@@ -128,6 +128,8 @@ def _facts(asked: Asked) -> dict[str, str]:
     """How the images were asked, in short."""
     together = asked.together
     facts = {"map": counted(asked.model.places, "place"), "images": str(len(asked.queries))}
+    if together.sequence <= 1:
+        facts["assumed off the map"] = f"{100 * together.off_map:g} % (--off-map)"
     if together.sequence > 1:
         return {**facts, "sequences of": str(together.sequence)}
     return {**facts, "motion": "each image alone" if together.motion == NONE else together.motion}
@@ -222,12 +224,12 @@ class Writing:
             return "sentence"
         return "jsonl" if self.file is not None and self.file.suffix.lower() == ".jsonl" else "csv"
 
-    def conclude(self, images: int, recognised: int) -> None:
+    def conclude(self, images: int, accepted: int) -> None:
         """Say what was written, unless lines stand where that would be said."""
         if self.lines:
             return
         where_to = "" if self.file is None else f": {shown(self.file)}"
-        console.print(f"{common.counted(images)}, {recognised} recognised{where_to}")
+        console.print(f"{common.counted(images)}, {accepted} accepted{where_to}")
         if self.page is not None:
             console.print(f"report: {shown(self.page)}")
 

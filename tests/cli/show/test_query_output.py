@@ -137,7 +137,7 @@ def test_candidates_of_a_sequence_are_those_of_its_end(here: Path) -> None:
     [
         (
             (),
-            (" may show place 3 (place_00003.png): not accepted, probability 47%, and no probability is enough ",),
+            (" may show place 3 (place_00003.png): not accepted, probability 47%, and no probability is high enough ",),
         ),
         (("--target-precision", 0.3), (" shows place 3 (place_00003.png): accepted, probability 47%.",)),
         (("--query-views", 3), (" may show place 3 (place_00003.png): not accepted, confidence ",)),

@@ -41,7 +41,7 @@ def test_the_page_says_what_the_rows_say(here: Path) -> None:
 def test_unordered_photos_come_without_a_drive(here: Path) -> None:
     photos = listed("photos.txt", [images("query")[k] for k in (5, 0, 3)])
     told = run("query", "m.lvpr", photos, "--report", "r")
-    assert re.fullmatch(r"3 images, \d recognised\nreport: r/query.html\n", told.stdout)
+    assert re.fullmatch(r"3 images, \d accepted\nreport: r/query.html\n", told.stdout)
     assert 'id="drive"' not in PAGE.read_text(encoding="utf-8")
     assert run("query", "m.lvpr", images("query")[0], "--report", "r").stdout.startswith("1 image, ")
     again = run("query", "m.lvpr", photos, "-o", "-", "--report", "r")
@@ -84,7 +84,7 @@ def test_other_files_of_the_folder_stay(here: Path) -> None:
     run("query", "m.lvpr", "query", "--report", "r")
     assert sorted(path.name for path in Path("r").iterdir()) == ["query.html", "report.html"]
     assert Path("r/report.html").read_text() == "of eval"
-    assert "Recognised" in PAGE.read_text(encoding="utf-8")
+    assert "Accepted" in PAGE.read_text(encoding="utf-8")
 
 
 def test_a_damaged_image_costs_no_page(here: Path) -> None:
