@@ -290,6 +290,9 @@ class Config:
             raise ConfigError("the conductance network learns one view; set views.shifts and views.scales to 1")
         if INPUTS[self.encoder.kind].sees == "vector" and len(self.views.views) > 1:
             raise ConfigError("a vector has one view; set views.shifts and views.scales to 1")
+        front_end = self.encoder.front_end
+        if front_end is not None and front_end.window and self.events.image != "counts":
+            raise ConfigError(f"encoder.kind {self.encoder.kind!r} takes numbers of events; set events.image to counts")
         if isinstance(self.network, ConductanceNetwork) and not INPUTS[self.encoder.kind].grey_levels:
             kinds = " or ".join(repr(name) for name, row in INPUTS.items() if row.grey_levels)
             raise ConfigError(f"the conductance network takes encoder.kind {kinds}, not {self.encoder.kind!r}")

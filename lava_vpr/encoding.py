@@ -300,8 +300,8 @@ LARGE, SHARE = 1 << 17, 1 << 26
 def _in_order(encode: Callable[[int], NDArray[Any]], n: int, threads: int) -> Iterator[int]:
     """``encode`` of 0..n-1 as if one after the other; yields how many more are done.
 
-    The first is done alone. If it is large, threads share the next ones, some at a time, until there is one to report
-    of one: from then on it is one after the other again.
+    The first is done alone. If it is large, threads share the next ones, some at a time, until an image
+    has something to report: from then on it is one after the other again.
     """
     done = wide = 0
     while done < n:

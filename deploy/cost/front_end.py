@@ -72,9 +72,9 @@ class FrontEndCosts:
         steps: Steps of a presentation.
         cores: Cores that the populations take, each on cores of its own.
         layers: Events of each population by name.
-        registers: Registers written or read for an image by what for: ``pixels``, ``clearing of states``, ``counts of
-            cells``.
-        packets: Packets of the host for an image: the pixels' and the counts'.
+        registers: Registers written or read for an image by what for: ``pixels`` (or ``events``, spikes that are sent),
+            ``clearing of states``, ``counts of cells``.
+        packets: Packets of the host for an image: those of the pixels or events, and of the counts.
         dynamic_microjoules: Of the steps, by population.
         between_microjoules: Of the registers, by what for; their way on the mesh left out.
         step_microseconds: Of a step, mean: the busiest core and the barrier.

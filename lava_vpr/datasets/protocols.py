@@ -182,7 +182,7 @@ def find_images(protocol: Protocol, root: Path, *, part: bool = False) -> FoundI
             return _found(protocol, layout, root, part and layout.truth is None)
         missing.append(" + ".join(f"{name} (missing)" if name in absent else name for name in layout.folders))
     raise InputError(
-        f"{shown(root)}: does not hold the images of {protocol.name}; it needs {', or '.join(missing)}; they are had "
+        f"{shown(root)}: does not hold the images of {protocol.name}; it needs {', or '.join(missing)}; get them "
         f"from {protocol.page}"
     )
 

@@ -183,6 +183,10 @@ def test_every_number_declares_a_range() -> None:
         ("[encoder]\nimage_size = 57\n", r"image_size is 57, but must be a multiple of 4"),
         ("[learning]\nrule = 'triplet'\n", r"learning\.rule is 'triplet'"),
         ("preset = 'paper'\n[encoder]\nkind = 'onoff'\n", r"takes encoder\.kind 'pixels', not 'onoff'"),
+        (
+            "[encoder]\nkind = 'frontend-events'\n[events]\nimage = 'surface'\n",
+            r"encoder\.kind 'frontend-events' takes numbers of events; set events\.image to counts",
+        ),
         ("[network\n", r"not a TOML file"),
     ],
 )

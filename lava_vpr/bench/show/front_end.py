@@ -5,6 +5,7 @@ from __future__ import annotations
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.constants import total
 from lava_vpr.deploy.cost.front_end import FrontEndCosts
+from lava_vpr.deploy.mapping.front_end import EVENTS
 from lava_vpr.show.numbers import NONE, count, levels, ranged
 from lava_vpr.show.table import Table
 
@@ -44,7 +45,10 @@ def tables(costs: FrontEndCosts) -> tuple[Table, ...]:
 
 def _besides(costs: FrontEndCosts, title: str) -> Table:
     """What an image takes in time, registers and packets."""
-    rows = [(f"registers: {what}", NONE, count(number), NONE) for what, number in costs.registers.items()]
+    rows = [
+        (what if what == EVENTS else f"registers: {what}", NONE, count(number), NONE)
+        for what, number in costs.registers.items()
+    ]
     rows.append(("packets of the host", NONE, count(costs.packets), NONE))
     for what, value in (costs.between_microjoules or {}).items():
         rows.append((f"dynamic energy, uJ: {what}", *levels(value)))
@@ -57,8 +61,13 @@ def _besides(costs: FrontEndCosts, title: str) -> Table:
     ):
         if one is not None:
             rows.append((what, *levels(one)))
+    given = (
+        "Events are spikes that the host sends"
+        if EVENTS in costs.registers
+        else "Pixels are registers that the host has written"
+    )
     notes = (
-        "Pixels are registers that the host has written; it reads the counts of cells and makes rates of them, so a "
+        f"{given}; the host reads the counts of cells and makes rates of them, so a "
         "query's steps and host I/O come on top. That counts can be read so is unproven.",
     )
     return Table(

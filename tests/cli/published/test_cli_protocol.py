@@ -166,7 +166,7 @@ def test_what_is_missing_is_one_line() -> None:
         "images: does not hold the images of nordland-2760; it needs ref (missing) + query (missing), or nordland"
         in said
     )
-    assert said.endswith(f"they are had from {row.page}")
+    assert said.endswith(f"get them from {row.page}")
     draw(Path("images"), row.layouts[0], row.every)
     ask = ("protocol", row.name, "images", "-o", "out")
     Path("images/ref/0000005.jpg").unlink()

@@ -42,6 +42,8 @@ def test_events_of_each_layer_are_those_that_its_spikes_make(spec: FrontEnd) -> 
     if spec.window:
         films["events"] = spec.events(shown).astype(np.uint8)
         assert found.registers["events"] == round(films["events"].sum() / 2) > 0
+    words = " ".join(cell for table in tables(replace(found, board="kapoho-bay")) for row in table.rows for cell in row)
+    assert ("registers: pixels" in words, "registers: events" in words) == (not spec.window, False)
     assert plan.populations["filters"].cores > 2
     arrived = {name: np.zeros((2, spec.steps + 1, n), bool) for name, n in spec.populations.items()}
     operations, messages = dict.fromkeys(films, 0), dict.fromkeys(films, 0)
