@@ -16,6 +16,7 @@ from benchmarks.figures import PARTS as FIGURES, markdown
 from benchmarks.results.tables import PARTS as RESULTS
 from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.cli import main
+from lava_vpr.cli.show.headings import OPTIONS, help_records
 from lava_vpr.cli.show.matches import ALWAYS
 from lava_vpr.config import PRESETS, Config, DecoderConfig, StdpLearning, preset
 from lava_vpr.configfile import sections
@@ -73,13 +74,14 @@ def described(name: str, command: click.Command, parent: click.Context) -> str:
     # Commands are shown as in a window so wide that nothing is broken.
     ctx = click.Context(command, info_name=name, parent=parent, terminal_width=WIDTH, max_content_width=WIDTH)
     usage = " ".join(command.get_usage(ctx).removeprefix("Usage:").split())
-    rows = []
-    for param in command.params:  # without --help, which all have
-        record = param.get_help_record(ctx)
-        if record is not None and isinstance(param, click.Option):
-            rows.append(f"| `{cell(record[0])}` | {cell(record[1])} |")
-    table = "\n\n" + "\n".join(["| option | |", "|---|---|", *rows]) if rows else ""
-    return f"## {name}\n\n```\n{usage}\n```\n\n{paragraphs(command.help or '')}{table}"
+    tables = []
+    for heading, records in help_records(command, ctx).items():
+        rows = [
+            f"| `{cell(words)}` | {cell(text)} |" for words, text in records if "--help" not in words
+        ]  # all have it
+        title = "option" if heading == OPTIONS else heading
+        tables += ["\n".join([f"| {title} | |", "|---|---|", *rows])] if rows else []
+    return "\n\n".join([f"## {name}", f"```\n{usage}\n```", paragraphs(command.help or ""), *tables])
 
 
 def commands() -> dict[str, click.Command]:

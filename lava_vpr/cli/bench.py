@@ -29,6 +29,7 @@ from lava_vpr.cli.nouns import (
 )
 from lava_vpr.cli.outputs import command_line
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
+from lava_vpr.cli.show.headings import MEASURED, under
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.datasets.selecting import Selection
 from lava_vpr.deploy.boards.board import BOARDS
@@ -46,28 +47,31 @@ DEFAULT = registry.timed_by_default()
 @click.command("bench", cls=OneSource)
 @queries_options
 @truth_options
-@click.option(
-    "--target",
-    "targets",
-    type=RegisteredName(BOARDS),
-    multiple=True,
-    help="Board whose costs to model (default: all); one that the model does not fit is an error then.",
-)
-@click.option(
-    "--backend",
-    "backends",
-    type=RegisteredName(registry.BACKENDS),
-    multiple=True,
-    help=f"Backend to time on this machine (default: {', '.join(DEFAULT[:-1])} and {DEFAULT[-1]}).",
-)
-@click.option("--sweep", is_flag=True, help="Also search settings for the best recall at the least modelled cost.")
-@click.option("--peers", is_flag=True, help="Also run other matchers on the same images.")
-@click.option(
-    "--limit",
-    type=click.IntRange(min=1),
-    default=None,
-    metavar="N",
-    help="Queries that each backend is timed on, from the first (default: all; fewer of slow ones).",
+@under(
+    MEASURED,
+    click.option(
+        "--target",
+        "targets",
+        type=RegisteredName(BOARDS),
+        multiple=True,
+        help="Board whose costs to model (default: all); one that the model does not fit is an error then.",
+    ),
+    click.option(
+        "--backend",
+        "backends",
+        type=RegisteredName(registry.BACKENDS),
+        multiple=True,
+        help=f"Backend to time on this machine (default: {', '.join(DEFAULT[:-1])} and {DEFAULT[-1]}).",
+    ),
+    click.option("--sweep", is_flag=True, help="Also search settings for the best recall at the least modelled cost."),
+    click.option("--peers", is_flag=True, help="Also run other matchers on the same images."),
+    click.option(
+        "--limit",
+        type=click.IntRange(min=1),
+        default=None,
+        metavar="N",
+        help="Queries that each backend is timed on, from the first (default: all; fewer of slow ones).",
+    ),
 )
 @asking_options
 @applied_option

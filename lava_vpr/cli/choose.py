@@ -9,8 +9,9 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.cli.common import PATH, Number, noun, several, stderr
+from lava_vpr.cli.common import PATH, Number, noun, stderr
 from lava_vpr.cli.outputs import Outputs
+from lava_vpr.cli.show.headings import POSITIONS, TRUTH, under
 from lava_vpr.datasets.selecting import Selection
 from lava_vpr.errors import InputError, shown
 from lava_vpr.model import Model
@@ -87,13 +88,17 @@ _EACH = " Once for each REFERENCE, in order."
 query_positions_options = noun(
     "where",
     lambda query_positions, stamps, gap: WhereOptions(query_positions, stamps, gap),
-    click.option("--query-positions", type=PATH, default=None, metavar=f"FILE|{EXIF}", help=_POSITIONS),
-    click.option("--stamps", default=None, metavar="FILE|TIME", help=_STAMPS),
-    _GAP,
+    under(
+        POSITIONS,
+        click.option("--query-positions", type=PATH, default=None, metavar=f"FILE|{EXIF}", help=_POSITIONS),
+        click.option("--stamps", default=None, metavar="FILE|TIME", help=_STAMPS),
+        _GAP,
+    ),
 )
 """The options ``--query-positions``, ``--stamps`` and ``--gap``, given to the command as ``where``."""
 
-reference_positions_options = several(
+reference_positions_options = under(
+    POSITIONS,
     click.option("--positions", type=PATH, multiple=True, metavar=f"FILE|{EXIF}", help=_POSITIONS + _EACH),
     click.option("--stamps", multiple=True, metavar="FILE|TIME", help=_STAMPS + _EACH),
     _GAP,
@@ -306,34 +311,37 @@ class TruthOptions:
 truth_options = noun(
     "truth",
     TruthOptions,
-    click.option(
-        "--gt",
-        type=PATH,
-        default=None,
-        metavar="FILE",
-        help="Correct places of each query: txt, csv, json or npy.",
-    ),
-    click.option(
-        "--positions",
-        type=(PATH, PATH),
-        default=None,
-        metavar="REF.csv QUERY.csv",
-        help="Positions of all images; with --radius.",
-    ),
-    query_positions_options,
-    click.option(
-        "--radius",
-        type=Number(min=0),
-        default=None,
-        metavar="M",
-        help=f"Metres within which a place is correct, where positions are known.  [default: {NEAR_M:g}]",
-    ),
-    click.option(
-        "--tolerance",
-        type=click.IntRange(min=0),
-        default=0,
-        show_default=True,
-        help="Places off that still count.",
+    under(
+        TRUTH,
+        click.option(
+            "--gt",
+            type=PATH,
+            default=None,
+            metavar="FILE",
+            help="Correct places of each query: txt, csv, json or npy.",
+        ),
+        click.option(
+            "--positions",
+            type=(PATH, PATH),
+            default=None,
+            metavar="REF.csv QUERY.csv",
+            help="Positions of all images; with --radius.",
+        ),
+        query_positions_options,
+        click.option(
+            "--radius",
+            type=Number(min=0),
+            default=None,
+            metavar="M",
+            help=f"Metres within which a place is correct, where positions are known.  [default: {NEAR_M:g}]",
+        ),
+        click.option(
+            "--tolerance",
+            type=click.IntRange(min=0),
+            default=0,
+            show_default=True,
+            help="Places off that still count.",
+        ),
     ),
 )
 """The options that say which places are correct, given to the command as ``truth``."""

@@ -7,7 +7,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from functools import reduce, wraps
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -18,6 +18,7 @@ from rich.segment import Segment
 from rich.text import Text
 
 from lava_vpr.backends.asking import PLAINLY, Asking
+from lava_vpr.cli.show.headings import ACCEPTED, TOGETHER, several, under
 from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Framing, Keep, encode_views
 from lava_vpr.engine.presentations import cores
@@ -128,11 +129,6 @@ class RegisteredName(click.Choice):
         return value if value in self.registry else super().convert(value, param, ctx)
 
 
-def several(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Give a command ``options``, the first of them first in its help."""
-    return lambda command: reduce(lambda optional, option: option(optional), reversed(options), command)
-
-
 def noun(name: str, make: Callable[..., Any], *options: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """Give a command ``options``, the first of them first in its help, whose values it gets together.
 
@@ -153,32 +149,39 @@ def noun(name: str, make: Callable[..., Any], *options: Callable[[Any], Any]) ->
     return given
 
 
-def motion_option(default: str) -> Callable[[F], F]:
-    """Give a command that is asked about a drive the option ``--motion``."""
-    return click.option(
+def motion_option(default: str, why: str) -> Callable[[Any], Any]:
+    """Give a command the option ``--motion``; its help says ``why`` it has this default."""
+    option = click.option(
         "--motion",
         type=click.Choice((*MOTIONS, NONE)),
         default=default,
-        show_default=True,
         help="How the robot may move between images: 'any' follows every speed, stops and turns, 'forward' never back, "
-        "'none' takes each image alone.",
+        f"'none' takes each image alone (default: {default}, {why}).",
     )
+    return under(TOGETHER, option)
 
 
-precision_option = click.option(
-    "--target-precision",
-    type=Number(min=0.01, max=0.9999),
-    default=None,
-    metavar="P",
-    help=f"Accept matches above the probability at which this share of the accepted is correct (default: {PRECISION}).",
+precision_option = under(
+    ACCEPTED,
+    click.option(
+        "--target-precision",
+        type=Number(min=0.01, max=0.9999),
+        default=None,
+        metavar="P",
+        help="Accept matches above the probability at which this share of the accepted is correct "
+        f"(default: {PRECISION}).",
+    ),
 )
-off_map_option = click.option(
-    "--off-map",
-    type=Number(min=0, max=1, max_open=True),
-    default=HALF,
-    show_default=True,
-    metavar="P",
-    help="The share of the images that is taken to be off the map, at no place that MODEL knows.",
+off_map_option = under(
+    ACCEPTED,
+    click.option(
+        "--off-map",
+        type=Number(min=0, max=1, max_open=True),
+        default=HALF,
+        show_default=True,
+        metavar="P",
+        help="The share of the images that is taken to be off the map, at no place that MODEL knows.",
+    ),
 )
 
 

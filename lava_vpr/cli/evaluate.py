@@ -34,6 +34,7 @@ from lava_vpr.cli.nouns import (
 )
 from lava_vpr.cli.outputs import command_line
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
+from lava_vpr.cli.show.headings import COMPARED, TOGETHER, under
 from lava_vpr.cli.show.recall import recall_table, trust_tables
 from lava_vpr.datasets.selecting import Benchmark, Selection
 from lava_vpr.encoding import EncodedTraverse, Keep
@@ -51,22 +52,32 @@ from lava_vpr.truth.alignment import PositionErrors
 @skip_option
 @benchmark_options
 @truth_options
-@click.option(
-    "--sequence", type=click.IntRange(min=1), default=1, show_default=True, help="Consecutive queries matched together."
+@under(
+    TOGETHER,
+    click.option(
+        "--sequence",
+        type=click.IntRange(min=1),
+        default=1,
+        show_default=True,
+        help="Consecutive queries matched together.",
+    ),
 )
-@click.option(
-    "--baseline",
-    "rivals",
-    type=click.Choice(list(BASELINES)),
-    multiple=True,
-    help="Baseline to compute (default: all that MODEL allows).",
-)
-@click.option(
-    "--descriptors",
-    type=(PATH, PATH),
-    default=None,
-    metavar="REF.npy QUERY.npy",
-    help="Descriptors of another method, one row an image.",
+@under(
+    COMPARED,
+    click.option(
+        "--baseline",
+        "rivals",
+        type=click.Choice(list(BASELINES)),
+        multiple=True,
+        help="Baseline to compute (default: all that MODEL allows).",
+    ),
+    click.option(
+        "--descriptors",
+        type=(PATH, PATH),
+        default=None,
+        metavar="REF.npy QUERY.npy",
+        help="Descriptors of another method, one row an image.",
+    ),
 )
 @asking_options
 @season_option
@@ -80,7 +91,7 @@ from lava_vpr.truth.alignment import PositionErrors
     help="Ask with N seeds of the spikes' noise, from --seed on, and print means, least and most, too; "
     "several models: lava-vpr study seeds.",
 )
-@motion_option("any")
+@motion_option("any", "or none where the queries are no drive; query takes images in any order")
 @off_map_option
 @cluster_option
 @results_options("report.html")

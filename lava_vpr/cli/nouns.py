@@ -12,8 +12,9 @@ import click
 
 from lava_vpr.backends.asking import MODELS, OFF, Asking, open_model
 from lava_vpr.backends.registry import BACKENDS
-from lava_vpr.cli.common import PATH, F, Number, Parsed, RegisteredName, noun, seed_type, several
+from lava_vpr.cli.common import PATH, Number, Parsed, RegisteredName, noun, seed_type
 from lava_vpr.cli.outputs import Outputs, show_results
+from lava_vpr.cli.show.headings import IMAGES, OUTPUT, PRESENTED, SEASON, Headed, several, under
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.datasets.selecting import Benchmark
 from lava_vpr.errors import InputError, UnreadableError, brief, shown
@@ -36,7 +37,7 @@ def place_range(text: str) -> tuple[int, int]:
     return int(first), int(end)
 
 
-class OneSource(click.Command):
+class OneSource(Headed):
     """A command whose last argument is one folder, list, video or image, and which says so if it is given more."""
 
     allow_extra_args = True
@@ -51,19 +52,22 @@ class OneSource(click.Command):
         return rest
 
 
-def places_option(help: str) -> Callable[[F], F]:
+def places_option(help: str) -> Callable[[Any], Any]:
     """Give a command the option ``--places A:B``."""
     kind = Parsed("A:B", place_range, lambda ends: f"{ends[0]}:{ends[1]}")
-    return click.option("--places", type=kind, default=None, help=help)
+    return under(IMAGES, click.option("--places", type=kind, default=None, help=help))
 
 
-every_option = click.option(
-    "--every",
-    type=float,
-    default=1.0,
-    show_default=True,
-    metavar="SECONDS",
-    help="From a video, camera, ROS bag or recording of events, one image every so often.",
+every_option = under(
+    IMAGES,
+    click.option(
+        "--every",
+        type=float,
+        default=1.0,
+        show_default=True,
+        metavar="SECONDS",
+        help="From a video, camera, ROS bag or recording of events, one image every so often.",
+    ),
 )
 
 
@@ -77,15 +81,17 @@ def skip_option(command: Callable[..., Any]) -> Callable[..., Any]:
         except UnreadableError as error:
             raise InputError(f"{error}, or leave such images out with --skip-unreadable") from None
 
-    return click.option(
+    option = click.option(
         "--skip-unreadable",
         is_flag=True,
         help="Leave out image files that cannot be read, or with exif say no position, and tell how many and which; "
         "the others keep their numbers.",
-    )(run)
+    )
+    return under(IMAGES, option)(run)
 
 
-dataset_options = several(
+dataset_options = under(
+    IMAGES,
     click.option(
         "--dataset",
         type=RegisteredName(DATASETS),
@@ -178,32 +184,38 @@ class TimeConstant(Number):
             self.fail(f"{error.message.rstrip('.')}; give a number of queries, at least 1, or {OFF}", param, ctx)
 
 
-crop_option = click.option(
-    "--crop",
-    type=click.Choice(CROPS),
-    default=NO_CROP,
-    show_default=True,
-    help="auto: bars at the edges of images are cropped, or masked where they cover a part of it.",
+crop_option = under(
+    IMAGES,
+    click.option(
+        "--crop",
+        type=click.Choice(CROPS),
+        default=NO_CROP,
+        show_default=True,
+        help="auto: bars at the edges of images are cropped, or masked where they cover a part of it.",
+    ),
 )
 
 asking_options = noun(
     "asking",
     Asking.wanted,
-    click.option(
-        "--adapt",
-        type=TimeConstant(min=1),
-        default=MODELS,
-        metavar="N|off",
-        help="Let biases follow the queries before, with a time constant of N queries (default: with a motion the "
-        "model's own, else off).",
-    ),
-    click.option(
-        "--query-views",
-        "views",
-        type=click.IntRange(1, 99),
-        default=1,
-        show_default=True,
-        help="Sideways views in which each query is presented, an odd number.",
+    under(
+        PRESENTED,
+        click.option(
+            "--adapt",
+            type=TimeConstant(min=1),
+            default=MODELS,
+            metavar="N|off",
+            help="Let biases follow the queries before, with a time constant of N queries (default: with a motion the "
+            "model's own, else off).",
+        ),
+        click.option(
+            "--query-views",
+            "views",
+            type=click.IntRange(1, 99),
+            default=1,
+            show_default=True,
+            help="Sideways views in which each query is presented, an odd number.",
+        ),
     ),
     crop_option,
 )
@@ -266,7 +278,7 @@ class Learning:
 
 
 _REPLAY = "Present queries with the gains and biases in FILE, written by --gains of the same queries."
-replay_option = click.option("--replay", type=PATH, default=None, metavar="FILE", help=_REPLAY)
+replay_option = under(SEASON, click.option("--replay", type=PATH, default=None, metavar="FILE", help=_REPLAY))
 
 
 def learning_options(file: str, *further: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -275,9 +287,12 @@ def learning_options(file: str, *further: Callable[[Any], Any]) -> Callable[[Any
     return noun(
         "learning",
         Learning,
-        click.option("--learn", is_flag=True, help=taught),
-        click.option("--season", type=PATH, default=None, metavar="FILE", help=file),
-        *further,
+        under(
+            SEASON,
+            click.option("--learn", is_flag=True, help=taught),
+            click.option("--season", type=PATH, default=None, metavar="FILE", help=file),
+            *further,
+        ),
     )
 
 
@@ -373,4 +388,4 @@ def results_options(page: str) -> Callable[[Any], Any]:
         metavar="DIR",
         help=f"Write the drawings of {page} to the new folder DIR, as SVG and PDF.",
     )
-    return noun("results", WrittenFiles, json_option("the figures"), table, report, figures)
+    return noun("results", WrittenFiles, under(OUTPUT, json_option("the figures"), table, report, figures))

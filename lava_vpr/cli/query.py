@@ -40,6 +40,7 @@ from lava_vpr.cli.nouns import (
     season_option,
     skip_option,
 )
+from lava_vpr.cli.show.headings import ACCEPTED, TOGETHER, under
 from lava_vpr.cli.show.matches import MatchTable, Notes, Row, sentences
 from lava_vpr.cli.show.streams import Asked, Writing, writing_options
 from lava_vpr.cluster.tasks import Pool
@@ -98,24 +99,30 @@ class Accepting:
 @asking_options
 @season_option
 @answer_options
-@motion_option("none")
-@click.option(
-    "--sequence",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Match each image together with those before it, at the references' own speed.",
+@motion_option("none", "since IMAGES may be in any order; eval and watch take a drive")
+@under(
+    TOGETHER,
+    click.option(
+        "--sequence",
+        type=click.IntRange(min=1),
+        default=1,
+        show_default=True,
+        help="Match each image together with those before it, at the references' own speed.",
+    ),
 )
 @noun(
     "accepting",
     lambda target_precision, min_confidence, off_map: Accepting(target_precision, min_confidence, off_map),
     precision_option,
-    click.option(
-        "--min-confidence",
-        type=float,
-        default=None,
-        metavar="C",
-        help="Accept by the decoder's confidence instead: matches of at least this.",
+    under(
+        ACCEPTED,
+        click.option(
+            "--min-confidence",
+            type=float,
+            default=None,
+            metavar="C",
+            help="Accept by the decoder's confidence instead: matches of at least this.",
+        ),
     ),
     off_map_option,
 )

@@ -25,6 +25,7 @@ from lava_vpr.cli.common import (
 from lava_vpr.cli.nouns import crop_option, dataset_options, every_option, jobs_option, places_option, skip_option
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
+from lava_vpr.cli.show.headings import IMAGES, LEARNED, OUTPUT, SEASON, Headed, under
 from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import PRESETS, Config, LifNetwork, StdpLearning, integer_config
@@ -43,114 +44,145 @@ from lava_vpr.traverse import Traverse, open_traverse, readable
 from lava_vpr.truth.alignment import shown_places
 
 
-@click.command()
+@click.command(cls=Headed)
 @click.argument("references", nargs=-1, required=True, type=str, metavar="REFERENCE...")
-@click.option("-o", "--output", required=True, type=PATH, metavar="MODEL", help="File to write (.lvpr).")
-@click.option(
-    "--preset",
-    type=click.Choice(list(PRESETS)),
-    default=None,
-    help="loihi: integer network for the chip (default); balanced, fast: the same with half and a quarter of the "
-    "steps, and less energy; accurate: the same with finer orientations and contrast to a place's surroundings, "
-    "and more memory; paper: VPRSNN's conductance model as released, except that each presentation "
-    "starts from rest, delays are kept for testing, and spikes of the rest are not carried over.",
+@under(
+    OUTPUT,
+    click.option("-o", "--output", required=True, type=PATH, metavar="MODEL", help="File to write (.lvpr)."),
 )
-@click.option("--config", type=PATH, default=None, metavar="FILE", help="Settings in TOML.")
+@under(
+    LEARNED,
+    click.option(
+        "--preset",
+        type=click.Choice(list(PRESETS)),
+        default=None,
+        help="loihi: integer network for the chip (default); balanced, fast: the same with half and a quarter of the "
+        "steps, and less energy; accurate: the same with finer orientations and contrast to a place's surroundings, "
+        "and more memory; paper: VPRSNN's conductance model as released, except that each presentation "
+        "starts from rest, delays are kept for testing, and spikes of the rest are not carried over.",
+    ),
+    click.option("--config", type=PATH, default=None, metavar="FILE", help="Settings in TOML."),
+)
 @places_option("Images A..B-1 of each REFERENCE (default: all).")
 @every_option
 @skip_option
 @dataset_options
-@click.option("--input", type=RegisteredName(INPUTS), default=None, help="What the inputs encode.")
-@click.option(
-    "--events",
-    is_flag=True,
-    help="REFERENCE are images of events: learn them as recordings of events are learned, with the input 'events', "
-    "three views and the decoder 'standard' where nothing else is said.",
+@under(
+    LEARNED,
+    click.option("--input", type=RegisteredName(INPUTS), default=None, help="What the inputs encode."),
 )
-@click.option(
-    "--window-events",
-    type=click.IntRange(1, 1_000_000_000),
-    default=None,
-    metavar="N",
-    help="Events that an image shows, whatever time they take.",
+@under(
+    IMAGES,
+    click.option(
+        "--events",
+        is_flag=True,
+        help="REFERENCE are images of events: learn them as recordings of events are learned, with the input 'events', "
+        "three views and the decoder 'standard' where nothing else is said.",
+    ),
+    click.option(
+        "--window-events",
+        type=click.IntRange(1, 1_000_000_000),
+        default=None,
+        metavar="N",
+        help="Events that an image shows, whatever time they take.",
+    ),
+    click.option(
+        "--window-ms",
+        type=Number(min=0.1, max=3_600_000),
+        default=None,
+        metavar="MS",
+        help="Milliseconds of events that an image shows, of a recording of an event camera.  "
+        f"[default: {EventsConfig.window_ms:g}]",
+    ),
 )
-@click.option(
-    "--window-ms",
-    type=Number(min=0.1, max=3_600_000),
-    default=None,
-    metavar="MS",
-    help="Milliseconds of events that an image shows, of a recording of an event camera.  "
-    f"[default: {EventsConfig.window_ms:g}]",
-)
-@click.option(
-    "--epochs", type=setting_type(StdpLearning, "epochs"), default=None, help="Times that every image is shown."
-)
-@click.option(
-    "--neurons", type=setting_type(LifNetwork, "neurons", 1), default=None, help="Excitatory neurons of each stretch."
-)
-@click.option(
-    "--stretch",
-    type=setting_type(Config, "stretch"),
-    default=None,
-    help="Most places that are learned together; 0: the whole route at once.  [default: 100]",
-)
-@click.option(
-    "--parts",
-    type=whole_numbers(),
-    default=(),
-    help="Places of consecutive parts of the route, for instance 500,10: each is cut into stretches by itself, as if "
-    "it had been learned alone and merged.",
-)
-@click.option(
-    "--views",
-    type=setting_type(ViewsConfig, "shifts"),
-    default=None,
-    help="Sideways views of every place, an odd number; each has neurons of its own.  [default: 1]",
-)
-@click.option("--weight-bits", type=setting_type(LifNetwork, "weight_bits"), default=None, help="Bits of one weight.")
-@click.option(
-    "--learning",
-    type=RegisteredName(LEARNING),
-    default=None,
-    help="How weights are learned (default: float); " + "; ".join(f"{row.name}: {row.title}" for row in OWN[1:]) + ".",
+@under(
+    LEARNED,
+    click.option(
+        "--epochs", type=setting_type(StdpLearning, "epochs"), default=None, help="Times that every image is shown."
+    ),
+    click.option(
+        "--neurons",
+        type=setting_type(LifNetwork, "neurons", 1),
+        default=None,
+        help="Excitatory neurons of each stretch.",
+    ),
+    click.option(
+        "--stretch",
+        type=setting_type(Config, "stretch"),
+        default=None,
+        help="Most places that are learned together; 0: the whole route at once.  [default: 100]",
+    ),
+    click.option(
+        "--parts",
+        type=whole_numbers(),
+        default=(),
+        help="Places of consecutive parts of the route, for instance 500,10: each is cut into stretches by itself, as "
+        "if it had been learned alone and merged.",
+    ),
+    click.option(
+        "--views",
+        type=setting_type(ViewsConfig, "shifts"),
+        default=None,
+        help="Sideways views of every place, an odd number; each has neurons of its own.  [default: 1]",
+    ),
+    click.option(
+        "--weight-bits", type=setting_type(LifNetwork, "weight_bits"), default=None, help="Bits of one weight."
+    ),
+    click.option(
+        "--learning",
+        type=RegisteredName(LEARNING),
+        default=None,
+        help="How weights are learned (default: float); "
+        + "; ".join(f"{row.name}: {row.title}" for row in OWN[1:])
+        + ".",
+    ),
 )
 @reference_positions_options
-@click.option(
-    "--spacing",
-    type=Number(min=0, min_open=True),
-    default=None,
-    metavar="M",
-    help="Learn a place every M metres, not every image; needs positions.",
+@under(
+    IMAGES,
+    click.option(
+        "--spacing",
+        type=Number(min=0, min_open=True),
+        default=None,
+        metavar="M",
+        help="Learn a place every M metres, not every image; needs positions.",
+    ),
+    click.option(
+        "--keyframes",
+        type=Number(min=0, max=1, min_open=True),
+        default=None,
+        metavar="X",
+        help="Learn only images whose input changed by X since the place before: 1 - cosine, above 0 to 1.",
+    ),
 )
-@click.option(
-    "--keyframes",
-    type=Number(min=0, max=1, min_open=True),
-    default=None,
-    metavar="X",
-    help="Learn only images whose input changed by X since the place before: 1 - cosine, above 0 to 1.",
+@under(
+    LEARNED,
+    click.option(
+        "--standard",
+        type=PATH,
+        default=None,
+        metavar="MODEL",
+        help="Vectors: measure them by the mean, scale and projection of this model, not their own, so that both can "
+        "be merged.",
+    ),
 )
-@click.option(
-    "--standard",
-    type=PATH,
-    default=None,
-    metavar="MODEL",
-    help="Vectors: measure them by the mean, scale and projection of this model, not their own, so that both can be "
-    "merged.",
-)
-@click.option(
-    "--pairs",
-    type=PATH,
-    default=None,
-    metavar="FILE",
-    help="The last REFERENCE is a part of the route in another season: learn no places from it, but which inputs "
-    "survive the season, and write that to FILE (.lvps), which query, eval and watch take as --season.",
-)
-@click.option(
-    "--gt",
-    type=PATH,
-    default=None,
-    metavar="FILE",
-    help="Place of each image of that part, as for eval (default: that with the same file name).",
+@under(
+    SEASON,
+    click.option(
+        "--pairs",
+        type=PATH,
+        default=None,
+        metavar="FILE",
+        help="The last REFERENCE is a part of the route in another season: learn no places from it, but which inputs "
+        "survive the season, and write that to FILE (.lvps), which query, eval and watch take as --season.",
+    ),
+    click.option(
+        "--gt",
+        type=PATH,
+        default=None,
+        metavar="FILE",
+        help="Place of each image of that part, as for eval (default: that with the same file name).",
+    ),
 )
 @crop_option
 @jobs_option

@@ -25,6 +25,7 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.nouns import Learning, OneSource, asking_options, every_option, learning_options, refuse_swapped
 from lava_vpr.cli.outputs import Outputs, write_stdout
+from lava_vpr.cli.show.headings import IMAGES, OUTPUT, under
 from lava_vpr.cli.show.matches import Notes
 from lava_vpr.errors import InputError, brief
 from lava_vpr.localizer import Localizer
@@ -43,28 +44,36 @@ def port_number(text: str) -> int:
 @click.command(cls=OneSource)
 @click.argument("model_path", metavar="MODEL", type=PATH)
 @click.argument("source", type=str)
-@motion_option("any")
+@motion_option("any", "since a robot sends one image after another")
 @asking_options
 @learning_options("File of what is known of the season; with --learn it need not be there, and is written at the end.")
 @precision_option
 @off_map_option
 @every_option
-@click.option(
-    "--existing/--no-existing",
-    default=True,
-    show_default=True,
-    help="Take the images that are in a folder at the start, too.",
+@under(
+    IMAGES,
+    click.option(
+        "--existing/--no-existing",
+        default=True,
+        show_default=True,
+        help="Take the images that are in a folder at the start, too.",
+    ),
+    click.option(
+        "--topic", default=None, metavar="/NAME", help="Topic of a ROS bag (default: the only one with images)."
+    ),
 )
-@click.option("--topic", default=None, metavar="/NAME", help="Topic of a ROS bag (default: the only one with images).")
-@click.option(
-    "--page",
-    "port",
-    type=Parsed("port", port_number),
-    is_flag=False,
-    flag_value=str(PORT),
-    default=None,
-    metavar="[PORT]",
-    help=f"Serve a live page on 127.0.0.1, at port {PORT} unless another is given (0: any that is free).",
+@under(
+    OUTPUT,
+    click.option(
+        "--page",
+        "port",
+        type=Parsed("port", port_number),
+        is_flag=False,
+        flag_value=str(PORT),
+        default=None,
+        metavar="[PORT]",
+        help=f"Serve a live page on 127.0.0.1, at port {PORT} unless another is given (0: any that is free).",
+    ),
 )
 @click.option("--stop-after", type=click.IntRange(min=1), default=None, metavar="N", help="End after N answers.")
 @click.option("--seed", type=seed_type, default=None, help="Seed of the images' spikes (default: the model's).")

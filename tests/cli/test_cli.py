@@ -21,6 +21,7 @@ from support.common.commands import CONFIG, PLACES, fails, images, listed, recal
 from lava_vpr import __version__, model
 from lava_vpr.backends.lava import lava_missing
 from lava_vpr.cli import main
+from lava_vpr.cli.show.headings import OPTIONS, POSITIONS, RUNNING, help_records
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.processes.base import lava_checks
 
@@ -131,6 +132,19 @@ def test_every_command_and_option_says_what_it_is() -> None:
                 ) or (name in ("eval", "query") and param.human_readable_name == "MODEL"), (
                     f"{name}: the help does not speak of {param.human_readable_name}"
                 )
+
+
+def test_the_options_of_long_commands_stand_below_headings() -> None:
+    for name, command in commands():
+        records = help_records(command, click.Context(command))
+        long = name in ("train", "eval", "query", "watch", "bench")
+        assert (OPTIONS in records, len(records) >= 6) == (not long, long), name
+        assert not long or list(records)[-1] == RUNNING
+        assert sum(map(len, records.values())) == 1 + sum(isinstance(param, click.Option) for param in command.params)
+        titles = re.findall(r"^(\S.*):$", run(name, "--help").stdout, re.M)
+        assert titles == list(records)
+    record = help_records(dict(commands())["eval"], click.Context(main))
+    assert [words.split()[0] for words, _ in record[POSITIONS]] == ["--query-positions", "--stamps", "--gap"]
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "lava_vpr" / "cli").rglob("*.py")), ids=lambda path: path.stem)

@@ -12,6 +12,7 @@ from lava_vpr import model as model_file
 from lava_vpr.backends.asking import open_model
 from lava_vpr.cli.common import PATH, stage
 from lava_vpr.cli.outputs import Outputs, file_writer, show_results
+from lava_vpr.cli.show.headings import SEASON, under
 from lava_vpr.deploy.bundle.compression import under_gains
 from lava_vpr.engine.presentations import cores
 from lava_vpr.model import Model, integer_model
@@ -19,13 +20,8 @@ from lava_vpr.report.images import as_png
 from lava_vpr.report.season import gains_table, trusted
 from lava_vpr.season.file import check_season, load, save, unlearned
 
-applied_option = click.option(
-    "--season",
-    type=PATH,
-    default=None,
-    metavar="FILE",
-    help="Quantise MODEL anew under a season that was learned.",
-)
+_APPLIED = "Quantise MODEL anew under a season that was learned."
+applied_option = under(SEASON, click.option("--season", type=PATH, default=None, metavar="FILE", help=_APPLIED))
 """``--season`` of a command that takes a map to a board."""
 
 

@@ -17,6 +17,7 @@ from lava_vpr.backends.answering import Answered
 from lava_vpr.cli import common
 from lava_vpr.cli.common import PATH, console, noun, stage
 from lava_vpr.cli.outputs import Outputs, command_line, file_writer, text_writer, write_stdout
+from lava_vpr.cli.show.headings import OUTPUT, under
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.gains import Season
 from lava_vpr.errors import shown
@@ -237,66 +238,69 @@ class Writing:
 writing_options = noun(
     "writing",
     Writing,
-    click.option(
-        "-o",
-        "--output",
-        type=PATH,
-        default=None,
-        metavar="matches.csv",
-        help="File to write, or - for standard output (default: standard output; of one image, a sentence).",
-    ),
-    click.option(
-        "--format",
-        "form",
-        type=click.Choice(("csv", "jsonl")),
-        default=None,
-        help="Lines of CSV or of JSON (default: csv, unless the file's name ends in .jsonl).",
-    ),
-    click.option(
-        "--top",
-        type=click.IntRange(1, 1000),
-        default=1,
-        show_default=True,
-        metavar="K",
-        help="Name the K best places of each image, too.",
-    ),
-    click.option(
-        "--bag",
-        type=PATH,
-        default=None,
-        metavar="FOLDER",
-        help="Write a ROS 2 bag, too: /initialpose, and rtabmap's posterior and links; with --motion.",
-    ),
-    click.option(
-        "--predictions",
-        type=PATH,
-        default=None,
-        metavar="FOLDER",
-        help="Write a text file for each image, too, with the paths of the --top K places, as VPR-methods-evaluation "
-        "does.",
-    ),
-    click.option(
-        "--references",
-        "reference_folder",
-        type=PATH,
-        default=None,
-        metavar="FOLDER",
-        help="Where the reference images lie, for --predictions (default: their names alone).",
-    ),
-    click.option(
-        "--scores",
-        type=PATH,
-        default=None,
-        metavar="FILE.npy",
-        help="Write the score of every image at every place, too: float64 (images, places), for numpy.load.",
-    ),
-    click.option(
-        "--report",
-        "report_folder",
-        type=PATH,
-        default=None,
-        metavar="DIR",
-        help="Write DIR/query.html: each image beside its match, with probabilities and a map.",
+    under(
+        OUTPUT,
+        click.option(
+            "-o",
+            "--output",
+            type=PATH,
+            default=None,
+            metavar="matches.csv",
+            help="File to write, or - for standard output (default: standard output; of one image, a sentence).",
+        ),
+        click.option(
+            "--format",
+            "form",
+            type=click.Choice(("csv", "jsonl")),
+            default=None,
+            help="Lines of CSV or of JSON (default: csv, unless the file's name ends in .jsonl).",
+        ),
+        click.option(
+            "--top",
+            type=click.IntRange(1, 1000),
+            default=1,
+            show_default=True,
+            metavar="K",
+            help="Name the K best places of each image, too.",
+        ),
+        click.option(
+            "--bag",
+            type=PATH,
+            default=None,
+            metavar="FOLDER",
+            help="Write a ROS 2 bag, too: /initialpose, and rtabmap's posterior and links; with --motion.",
+        ),
+        click.option(
+            "--predictions",
+            type=PATH,
+            default=None,
+            metavar="FOLDER",
+            help="Write a text file for each image, too, with the paths of the --top K places, as VPR-methods-"
+            "evaluation does.",
+        ),
+        click.option(
+            "--references",
+            "reference_folder",
+            type=PATH,
+            default=None,
+            metavar="FOLDER",
+            help="Where the reference images lie, for --predictions (default: their names alone).",
+        ),
+        click.option(
+            "--scores",
+            type=PATH,
+            default=None,
+            metavar="FILE.npy",
+            help="Write the score of every image at every place, too: float64 (images, places), for numpy.load.",
+        ),
+        click.option(
+            "--report",
+            "report_folder",
+            type=PATH,
+            default=None,
+            metavar="DIR",
+            help="Write DIR/query.html: each image beside its match, with probabilities and a map.",
+        ),
     ),
 )
 """What `query` writes, given to the command as ``writing``."""
