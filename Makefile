@@ -149,6 +149,7 @@ site: .venv-docs/.installed links ## Build the documentation as a site into site
 
 pictures: $(STAMP) ## Compute the pictures of README and docs anew
 	@$(BIN)/python scripts/draw_drive.py && $(BIN)/python scripts/draw_concepts.py && $(BIN)/python scripts/draw_season.py
+	@$(BIN)/python scripts/draw_front_end.py
 
 wheel: $(STAMP) ## Build the wheel into dist/
 	@rm -rf dist build && $(BIN)/python -m build --quiet --no-isolation --wheel .

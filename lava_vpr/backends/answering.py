@@ -132,6 +132,7 @@ class Answered(NamedTuple):
         signs: Signs of doubt of each of them.
         season: What is known of the season after them; None: it does not count.
         used: What they were presented with, if inputs have gains that are not replayed.
+        grey: What a spiking front end has seen of each, uint8 (n, *shape); None unless that was to be kept.
     """
 
     images: Traverse
@@ -141,6 +142,7 @@ class Answered(NamedTuple):
     season: Season | None
     thumbnails: NDArray[np.uint8] | None = None
     used: Used | None = None
+    grey: NDArray[np.uint8] | None = None
 
 
 def answer_stream(
@@ -176,7 +178,7 @@ def answer_stream(
             slow to start.
         read: Called with how many more images are read.
         advance: Called with how many more queries a slow backend has run.
-        keep: `Keep.THUMBNAILS`, if they are wanted.
+        keep: `Keep.THUMBNAILS` and `Keep.GREY`, if they are wanted.
     Raises:
         LavaVprError: an image cannot be read, the sequence exceeds the places, or the backend cannot run.
     """
@@ -201,5 +203,6 @@ def answer_stream(
         if pace is not None:
             pace.update(turn.scores)
         part = traverse.take(range(first, first + len(turn.counts)))
-        yield Answered(part, turn.answers, turn.counts, turn.signs, turn.season, turn.seen.thumbnails, turn.used)
+        found = turn.answers, turn.counts, turn.signs, turn.season, turn.seen.thumbnails, turn.used, turn.seen.grey
+        yield Answered(part, *found)
         first += len(part)

@@ -154,7 +154,7 @@ def _recognised(
     Of further seeds, baselines that depend on no noise are left out.
     """
     names = rivals_of(model, compared.rivals or None)
-    kept = kept_for(names) | (Keep.THUMBNAILS if drawn else Keep.NOTHING)
+    kept = kept_for(names) | (Keep.THUMBNAILS | Keep.GREY if drawn else Keep.NOTHING)
     with pool_at(address) as pool:
         calibration = calibration_of(model, pool) if compared.sequence == compared.asking.views == 1 else None
         how = replace(compared, rivals=names, keep_scores=drawn, calibration=calibration)

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.report import season
+from lava_vpr.report import layers, season
 from lava_vpr.report.data import MapData
+from lava_vpr.report.layers import Layers
 from lava_vpr.report.plots import Mark, followed_drive, route_map
 from lava_vpr.report.season import Trusted
 from lava_vpr.report.sections import bars, heights, sheets
@@ -44,6 +45,7 @@ class AnswersData:
             robot, float64 (n,); None without a filter.
         map: Where places and queries were taken; None if that is not known of the places.
         season: What is known of the season after the last query; None: it does not count.
+        layers: A query in the spiking front end; None: there is no such front end.
     """
 
     command: str
@@ -63,6 +65,7 @@ class AnswersData:
     followed: NDArray[np.float64] | None = None
     map: MapData | None = None
     season: Trusted | None = None
+    layers: Layers | None = None
 
     @property
     def probable(self) -> bool:
@@ -160,6 +163,7 @@ def page(data: AnswersData) -> str:
         Section("drive", "Drive", [_drive(data)], "Through the map", _DRIVE),
         Section("map", "Map", [_map(data)], "Map", _MAP.format(_of_positions(data.map))),
         Section("pairs", "Pairs", [render("answers_pairs.html", what=data.what)]),
+        layers.section(data.layers),
         season.section(data.season),
         reproduction(data.command),
     )

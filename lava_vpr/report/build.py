@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from lava_vpr.positions.frames import joined
 from lava_vpr.recognition import Recognition
 from lava_vpr.report.answers import AnswersData
 from lava_vpr.report.data import MapData, Raster, ReportData
+from lava_vpr.report.layers import Layers
 from lava_vpr.report.season import Trusted
 from lava_vpr.traverse import Traverse
 from lava_vpr.truth.alignment import NEAR_M, Located, PositionErrors
@@ -84,6 +85,7 @@ def report_data(
         trust=result.trust,
         followed=result.followed,
         season=Trusted.of(model, result.season),
+        layers=_layers(model, queries.names, queries.thumbnails, queries.grey, result.matches, result.confidence),
     )
 
 
@@ -97,6 +99,7 @@ def answers_data(
     command: str,
     summary: Mapping[str, str],
     season: Season | None = None,
+    grey: NDArray[np.uint8] | None = None,
 ) -> AnswersData:
     """Everything that the page of ``query`` shows.
 
@@ -108,6 +111,7 @@ def answers_data(
         thumbnails: The queries, small, uint8 (n, h, w, 3) BGR.
         least, command, summary: As in `AnswersData`.
         season: What is known of the season after the last of them; None: it does not count.
+        grey: What a spiking front end has seen of each, uint8 (n, *shape); None: there is none.
     """
     return AnswersData(
         command,
@@ -127,7 +131,24 @@ def answers_data(
         answers.followed,
         _answers_map(model, queries, answers),
         Trusted.of(model, season),
+        _layers(model, queries.names, thumbnails, grey, answers.matches, answers.confidence),
     )
+
+
+def _layers(
+    model: Model,
+    names: Sequence[str],
+    thumbnails: NDArray[np.uint8] | None,
+    grey: NDArray[np.uint8] | None,
+    matches: NDArray[np.int64],
+    confidence: NDArray[np.float64],
+) -> Layers | None:
+    """The query of the surest match in the spiking front end, if there is one."""
+    spec = model.config.encoder.front_end
+    if spec is None or grey is None or thumbnails is None or not len(matches):
+        return None
+    surest = int(np.argmax(np.where(matches >= 0, np.nan_to_num(confidence), -np.inf)))
+    return Layers.of(spec, thumbnails[surest], names[surest], grey[surest])
 
 
 def _answers_map(model: Model, queries: Traverse, answers: Answers) -> MapData | None:

@@ -13,6 +13,7 @@ from lava_vpr.inputs.encoder import ChannelLayout
 from lava_vpr.matching.decoders import DECODERS, MATCHERS
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.trust import Trust
+from lava_vpr.report.layers import Layers
 from lava_vpr.report.season import Trusted
 from lava_vpr.show.numbers import named
 
@@ -87,6 +88,7 @@ class ReportData:
         trust: How far probabilities can be trusted, ``single`` and ``filtered``, as far as there are any.
         followed: Figures of a filter, ``filtered`` and ``forward_backward``; empty if there was none.
         season: What was known of the season at the end; None: it did not count.
+        layers: A query in the spiking front end; None: there is no such front end.
     """
 
     title: str
@@ -117,6 +119,7 @@ class ReportData:
     trust: Mapping[str, Trust] = field(default_factory=dict)
     followed: Mapping[str, Metrics] = field(default_factory=dict)
     season: Trusted | None = None
+    layers: Layers | None = None
 
     def __post_init__(self) -> None:
         queries, places = len(self.query_names), len(self.place_names)

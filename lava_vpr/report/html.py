@@ -10,7 +10,7 @@ import numpy as np
 
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import TITLES, values_of
-from lava_vpr.report import season, sections, trust
+from lava_vpr.report import layers, season, sections, trust
 from lava_vpr.report.data import ReportData, label
 from lava_vpr.report.plots import precision_recall, series_style
 from lava_vpr.show.numbers import fraction, is_number
@@ -132,6 +132,7 @@ def page(data: ReportData) -> str:
         Section("fields", "Receptive fields", [sections.receptive_fields(data)]),
         Section("spikes", "Spikes", [sections.spikes(data)]),
         Section("matches", "Matches", [sections.matches(data, correct)]),
+        layers.section(data.layers),
         season.section(data.season),
         Section("cost", "Cost", [sections.cost(data)]),
         Section("setup", "Configuration", [sections.setup(data)]),

@@ -60,20 +60,29 @@ def _style() -> dict[str, Any]:
 
 
 @contextmanager
+def in_paper_colours() -> Iterator[None]:
+    """Draw in the colours of paper."""
+    page = dict(THEME)
+    THEME.update({name: _PAPER[name] for name in THEME})
+    try:
+        yield
+    finally:
+        THEME.update(page)
+
+
+@contextmanager
 def on_paper(folder: Path) -> Iterator[None]:
     """Write all that is drawn to ``folder``, too, as SVG and as PDF, each with a legend, in colours of paper.
 
     Raises:
         OSError: it cannot be written.
     """
-    page = dict(THEME)
-    THEME.update({name: _PAPER[name] for name in THEME})
     _papers.append(folder)
     try:
-        yield
+        with in_paper_colours():
+            yield
     finally:
         _papers.pop()
-        THEME.update(page)
 
 
 def _print(figure: Figure, name: str, label: str) -> None:

@@ -363,6 +363,20 @@ def test_the_table_as_a_file(here: Path, name: str, begins: str, lines: int) -> 
     )
 
 
+def test_pages_draw_a_spiking_front_end_and_no_other(here: Path) -> None:
+    """Of the surest match; of a model without, there is no such section."""
+    run("train", "reference", "-o", "f.lvpr", "--input", "frontend", "--preset", "fast", "--learning", "template")
+    for command, file in (("eval", "r/report.html"), ("query", "r/query.html")):
+        run(command, "f.lvpr", "query", "--report", "r")
+        page = Path(file).read_text()
+        surest = re.search(r"when it is shown (\S+\.png), the surest match", page)
+        assert surest is not None
+        assert (Path("query") / surest[1]).exists()
+        assert 'aria-label="Layers of the front end in 29 steps; spikes: ' in page
+        run(command, "m.lvpr", "query", "--report", "plain")
+        assert 'id="layers"' not in Path("plain", Path(file).name).read_text()
+
+
 def test_the_drawings_as_files(here: Path) -> None:
     """They are those of the page, which is the same with them and without, in colours that need no page."""
     told = run("eval", "m.lvpr", "query", "--report", "r", "--figures", "figures").stdout

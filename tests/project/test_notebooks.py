@@ -41,8 +41,8 @@ def texts(cell: dict[str, Any]) -> list[str]:
     return found
 
 
-def test_there_are_four() -> None:
-    assert set(NOTEBOOKS) == {"deploy", "first_map", "lava_processes", "learning"}
+def test_there_are_five() -> None:
+    assert set(NOTEBOOKS) == {"deploy", "first_map", "front_end", "lava_processes", "learning"}
 
 
 @EACH

@@ -92,19 +92,22 @@ def page(path: Path, asked: Asked) -> Iterator[Take]:
     from lava_vpr.report.answers import page as text_of  # matplotlib takes a second to import
     from lava_vpr.report.build import answers_data
 
-    command, parts = command_line(click.get_current_context()), list[tuple[Answers, NDArray[Any]]]()
+    command, parts = (
+        command_line(click.get_current_context()),
+        list[tuple[Answers, NDArray[Any], NDArray[Any] | None]](),
+    )
     accepted, causes, seasons = list[bool](), dict[str, None](), list[Season | None]()
 
     def take(some: Answered, found: list[Match]) -> None:
         if some.thumbnails is not None:
-            parts.append((some.answers._replace(ranking=UNRANKED), some.thumbnails))
+            parts.append((some.answers._replace(ranking=UNRANKED), some.thumbnails, some.grey))
         seasons[:] = [some.season]
         accepted.extend(match.accepted for match in found)
         causes.update(dict.fromkeys(match.cause for match in found if match.cause is not None))
 
     yield take
-    answers = Answers(*(_whole([one[field] for one, _ in parts]) for field in range(5)))
-    thumbnails = np.concatenate([images for _, images in parts])
+    answers = Answers(*(_whole([one[field] for one, *_ in parts]) for field in range(5)))
+    thumbnails = np.concatenate([images for _, images, _ in parts])
     with stage("writing the report"):
         data = answers_data(
             asked.model,
@@ -116,6 +119,7 @@ def page(path: Path, asked: Asked) -> Iterator[Take]:
             command,
             {**_facts(asked), **({"camera": ", ".join(causes)} if causes else {})},
             seasons[-1],
+            _whole([grey for *_, grey in parts]),
         )
         write_page(text_of(data), path)
 
@@ -177,7 +181,7 @@ class Writing:
     @property
     def keep(self) -> Keep:
         """What is kept of the images."""
-        return Keep.NOTHING if self.page is None else Keep.THUMBNAILS
+        return Keep.NOTHING if self.page is None else Keep.THUMBNAILS | Keep.GREY
 
     @property
     def lines(self) -> bool:
