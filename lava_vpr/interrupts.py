@@ -7,12 +7,14 @@ in a ``finally`` is done. `held` serves the library, too: within it nothing is i
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from types import FrameType
 from typing import TypeVar
 
@@ -21,6 +23,9 @@ T = TypeVar("T")
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """The signals that ask a program to end."""
 
+
+standing: set[Path] = set()
+"""Temporary folders that stand: `finish` removes those that a signal left, which came as a block was about to."""
 
 SOON = 0.05  # seconds until a signal that was lost comes again
 
@@ -142,7 +147,9 @@ def minded() -> Iterator[None]:
 
 
 def finish() -> None:
-    """End the process by the signal that stopped its work, if one did, and it was not Ctrl-C."""
+    """Remove temporary folders that are left; end by the signal that stopped the work, if one did but Ctrl-C."""
+    for folder in standing:
+        shutil.rmtree(folder, ignore_errors=True)
     for fatal in _now.stopped:
         if fatal != signal.SIGINT:
             _die_of(fatal)

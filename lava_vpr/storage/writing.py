@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from lava_vpr.errors import InputError, LavaRunError, LavaVprError, ModelFileError, shown
-from lava_vpr.interrupts import held
+from lava_vpr.interrupts import held, standing
 
 
 def read_only(path: Path) -> bool:
@@ -230,11 +230,14 @@ def _folder(**where: Any) -> Iterator[Path]:
     try:
         with held():
             folder = Path(tempfile.mkdtemp(**where))
+            standing.add(folder)
         yield folder
     finally:
         if folder is not None:
             with held():
                 shutil.rmtree(folder, ignore_errors=True)
+                if not folder.exists():  # nobody was still writing there
+                    standing.discard(folder)
 
 
 def folder_beside(path: Path) -> AbstractContextManager[Path]:

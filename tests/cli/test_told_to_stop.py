@@ -63,6 +63,22 @@ run()
 """
 
 
+# The same, but the signal comes when its temporary folder is about to be removed, and nothing holds it back yet.
+AT_REMOVAL = """
+import os, sys
+number = int(sys.argv.pop(1))
+from lava_vpr.storage import writing
+held = writing.held
+def told():
+    if writing.standing:
+        writing.held = held
+        os.kill(os.getpid(), number)
+    return held()
+writing.held = told
+from lava_vpr.__main__ import run
+run()
+"""
+
 # The signal comes while subprocess has the lock of a program that it waits for, and has not yet minded that it has.
 IN_THE_LOCK = """
 import os, subprocess, sys
@@ -203,6 +219,15 @@ def test_told_to_stop_when_something_was_made(
     program = [sys.executable, "-c", AT_RETURN, str(int(number)), *function.split(".")]
     ended = surroundings.run(here, *words, program=program)
     assert (ended.code, ended.err, ended.left, ended.made) == (-number, "\nAborted!\n", [], [])
+
+
+@pytest.mark.quick(1)
+@pytest.mark.parametrize("number", EACH)
+def test_told_to_stop_when_its_folder_is_about_to_go(here: Path, number: int) -> None:
+    program = [sys.executable, "-c", AT_REMOVAL, str(int(number))]
+    ended = surroundings.run(here, *QUERY, "q.csv", "--backend", "bundle", program=program)
+    assert (ended.code, ended.err) == (1 if number == signal.SIGINT else -number, "\nAborted!\n")
+    assert (ended.left, ended.made) == ([], [])
 
 
 @pytest.mark.slow
