@@ -12,13 +12,13 @@ import numpy as np
 import tomli
 import tomli_w
 
-from lava_vpr.config import PRESETS, Config, EncoderConfig, LifNetwork, preset
+from lava_vpr.config import PRESETS, Config, LifNetwork, preset
 from lava_vpr.errors import ConfigError, brief, said, shown
 from lava_vpr.settings.ranges import CHANGE_IT, KINDS, declared, need, whole
 from lava_vpr.storage.reading import read_bytes
 
-FRONT_END_SETTINGS = ("pixel_levels", "race_steps")
-"""Settings of the encoder that older files lack."""
+FRONT_END_BEFORE = {"pixel_levels": 32, "race_steps": 15}
+"""Settings of the encoder that older files lack, and what they were then."""
 _LONGEST_LINE, _LONGEST_NAME = 1000, 60
 
 
@@ -32,7 +32,7 @@ def to_dict(config: Config) -> dict[str, Any]:
         del made["network"]["surroundings"]
     if config.encoder.front_end is None:
         own = PRESETS.get(config.preset, Config()).encoder
-        for name in FRONT_END_SETTINGS:
+        for name in FRONT_END_BEFORE:
             if made["encoder"][name] == getattr(own, name):
                 del made["encoder"][name]
     return made
@@ -110,8 +110,7 @@ def of_file(values: Any) -> Config:
     if isinstance(config.network, LifNetwork) and "adapt" not in values.get("network", {}):
         config = replace(config, network=replace(config.network, adapt=0))
     if config.encoder.front_end is not None:
-        lacking = (name for name in FRONT_END_SETTINGS if name not in values.get("encoder", {}))
-        before = {name: getattr(EncoderConfig, name) for name in lacking}
+        before = {name: size for name, size in FRONT_END_BEFORE.items() if name not in values.get("encoder", {})}
         config = replace(config, encoder=replace(config.encoder, **before))
     return config
 

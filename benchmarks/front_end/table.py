@@ -89,6 +89,7 @@ FORMS: Mapping[str, tuple[Form, FrontEnd, int]] = {
     "as it is": (in_pairs, FRONT_END, 0),
     "race of 8 steps": (in_pairs, dataclasses.replace(FRONT_END, race=8), 0),
     "race of 20 steps": (in_pairs, dataclasses.replace(FRONT_END, race=20), 0),
+    "32 levels, a race of 15 steps": (in_pairs, dataclasses.replace(FRONT_END, levels=32, race=15), 0),
     "16 levels of a pixel": (in_pairs, dataclasses.replace(FRONT_END, levels=16), 0),
     "16 levels, a race of 8 steps": (in_pairs, dataclasses.replace(FRONT_END, levels=16, race=8), 0),
     "at most 3 spikes of a cell": (in_pairs, dataclasses.replace(FRONT_END, most=3), 0),
@@ -167,14 +168,14 @@ def forms() -> BenchmarkTable:
 
 
 VARIANTS: tuple[tuple[str, int, int], ...] = (
-    ("loihi", 32, 15),
     ("loihi", 26, 14),
+    ("loihi", 32, 15),
     ("loihi", 16, 8),
     ("fast", 16, 8),
     ("fast", 32, 15),
 )
 """Presets, and levels and race of their front end."""
-SPELT = {("loihi", 32): " (the default)", ("fast", 16): " (its own)"}
+SPELT = {("loihi", 26): " (the default)", ("fast", 16): " (its own)"}
 
 
 def learned_by_spikes(seeds: Sequence[int]) -> BenchmarkTable:

@@ -78,13 +78,13 @@ class FrontEnd:
     cell: int = 4
     orientations: int = 8
     reach: int = 2
-    levels: int = 32
+    levels: int = 26
     white: int = 255
     pixel_octaves: float = 4.0
     across: tuple[int, ...] = (1, 3, 4, 3, 1)
     down: tuple[int, ...] = (1, 4, 1)
     unit: int = 20
-    race: int = 15
+    race: int = 14
     race_octaves: float = 7.0
     top: float = 1.0
     budget: int = 120
@@ -342,7 +342,7 @@ def _grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 FRONT_END = FrontEnd()
 """The front end of the default settings."""
-EVENT_FRONT_END = FrontEnd(levels=8, white=20, pixel_octaves=3.0, window=16)
+EVENT_FRONT_END = FrontEnd(levels=8, white=20, pixel_octaves=3.0, race=15, window=16)
 """The front end of the input ``frontend-events``, as `benchmarks.events.lens` chose it."""
 
 

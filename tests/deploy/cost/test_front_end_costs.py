@@ -114,8 +114,8 @@ def test_a_board_without_public_constants_is_counted_and_resets_by_itself() -> N
     assert len(besides.rows) == 4
 
 
-def test_the_default_front_end_takes_a_hundred_and_sixty_microjoules_of_accesses_most() -> None:
-    """All accesses alone: what docs/network.md says of two thirds."""
+def test_accesses_are_most_of_what_the_default_front_end_takes() -> None:
+    """Of the 149 uJ of docs/network.md, which says two thirds."""
     constants = KAPOHO_BAY.constants
     assert constants is not None
-    assert 100 < FRONT_END.accesses * constants.access.nominal / 1e6 < 110
+    assert 90 < FRONT_END.accesses * constants.access.nominal / 1e6 < 100
