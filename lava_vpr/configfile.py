@@ -110,7 +110,9 @@ def of_file(values: Any) -> Config:
     if isinstance(config.network, LifNetwork) and "adapt" not in values.get("network", {}):
         config = replace(config, network=replace(config.network, adapt=0))
     if config.encoder.front_end is not None:
-        before = {name: size for name, size in FRONT_END_BEFORE.items() if name not in values.get("encoder", {})}
+        before: dict[str, Any] = {
+            name: size for name, size in FRONT_END_BEFORE.items() if name not in values.get("encoder", {})
+        }
         config = replace(config, encoder=replace(config.encoder, **before))
     return config
 
