@@ -54,7 +54,7 @@ DEFAULT = registry.timed_by_default()
         "targets",
         type=RegisteredName(BOARDS),
         multiple=True,
-        help="Board whose costs to model (default: all); one that the model does not fit is an error then.",
+        help="Board whose costs to model (default: all); it is then an error if the model does not fit.",
     ),
     click.option(
         "--backend",
@@ -70,7 +70,7 @@ DEFAULT = registry.timed_by_default()
         type=click.IntRange(min=1),
         default=None,
         metavar="N",
-        help="Queries that each backend is timed on, from the first (default: all; fewer of slow ones).",
+        help="Queries on which each backend is timed, from the first (default: all; fewer for slow ones).",
     ),
 )
 @asking_options

@@ -29,10 +29,10 @@ from lava_vpr.truth.alignment import (
 )
 
 _POSITIONS = (
-    "Positions, CSV or GPX: a row an image, or timed; or exif: each photo says where and when it was taken (default: "
+    "Positions, CSV or GPX: one row for each image, or timed; or exif: position and time from each photo (default: "
     "from names @UTM_east@UTM_north@...)."
 )
-_STAMPS = "When they were taken: CSV, a row an image; or when a video begins (default: from names and frames)."
+_STAMPS = "When the images were taken: CSV, a row for each; or when a video begins (default: from names and frames)."
 
 
 @dataclass(frozen=True)

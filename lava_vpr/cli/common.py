@@ -180,7 +180,7 @@ off_map_option = under(
         default=HALF,
         show_default=True,
         metavar="P",
-        help="The share of the images that is taken to be off the map, at no place that MODEL knows.",
+        help="Share of the images that is assumed to be off the map, at no place that MODEL knows.",
     ),
 )
 

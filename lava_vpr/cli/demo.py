@@ -62,7 +62,7 @@ SPACING_M = 5.0
     is_flag=False,
     flag_value="h5",
     default=None,
-    help="Write what an event camera sends on the way, not images: DIR/reference_events.h5 and DIR/query_events.h5.",
+    help="Write the events of a camera on the route, not images: DIR/reference_events.h5 and DIR/query_events.h5.",
 )
 @click.option(
     "--query-speed",

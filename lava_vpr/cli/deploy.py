@@ -108,7 +108,8 @@ class CalibrationImages:
     type=PATH,
     default=None,
     metavar="FILE",
-    help="Add the gains and biases in FILE, written by --gains: BUNDLE's program presents the same queries so.",
+    help="Add the gains and biases in FILE, written by --gains: BUNDLE's program then presents the same queries with "
+    "them.",
 )
 @click.option(
     "--learning",
@@ -132,8 +133,8 @@ def deploy(
 ) -> None:
     """Place the neurons of MODEL on a board's cores, and write all that the board needs as the folder BUNDLE.
 
-    Weights are quantised anew from those that were learned where bits, pruning or the input mode change, or where the
-    board demands it. With --max-loss, ways to do so are tried from cheap to dear, by synaptic operations of a query.
+    Learned weights are quantised again if bits, pruning or the input mode change, or if the board requires it.
+    --max-loss tries the possible ways from the cheapest up, by synaptic operations of a query.
     """
     board = BOARDS[target]
     images.check()

@@ -88,8 +88,8 @@ from lava_vpr.truth.alignment import PositionErrors
     default=1,
     show_default=True,
     metavar="N",
-    help="Ask with N seeds of the spikes' noise, from --seed on, and print means, least and most, too; "
-    "several models: lava-vpr study seeds.",
+    help="Repeat with N seeds of the spikes' noise, from --seed on, and print means, least and most, too; for several "
+    "models: lava-vpr study seeds.",
 )
 @motion_option("any", "or none where the queries are no drive; query takes images in any order")
 @off_map_option
@@ -113,9 +113,9 @@ def evaluate(
 ) -> None:
     """Recognise the images of QUERY and print recall, precision and baselines.
 
-    Without --gt or positions, query i shows place i, and both must be equally many. Where the model has positions and
-    those of the queries are told, by --query-positions or their names, places within --radius metres are correct. With
-    --dataset, QUERY is the folder that holds a benchmark dataset (lava-vpr datasets), and MODEL was trained with it.
+    Without --gt or positions, query i shows place i, and their numbers must be equal. If the model has positions and so
+    have the queries, by --query-positions or their names, places within --radius metres are correct. With --dataset,
+    QUERY is the folder that holds a benchmark dataset (lava-vpr datasets), and MODEL was trained with it.
     """
     if address is not None and backend != "host":
         raise click.UsageError(f"--cluster runs the backend host, not {backend}; leave one of the two out")

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     type=setting_type(ViewsConfig, "shifts"),
     default=None,
     metavar="N",
-    help="Without MODEL: sideways views of each place, an odd number, with neurons of their own (default: 1).",
+    help="Without MODEL: sideways views of each place, an odd number, each with its own neurons (default: 1).",
 )
 @click.option(
     "--picture", type=PATH, default=None, metavar="FILE.svg", help="With MODEL: draw the chips and what cores hold."

@@ -66,7 +66,7 @@ every_option = under(
         default=1.0,
         show_default=True,
         metavar="SECONDS",
-        help="From a video, camera, ROS bag or recording of events, one image every so often.",
+        help="Seconds between two images of a video, camera, ROS bag or recording of events.",
     ),
 )
 
@@ -84,7 +84,7 @@ def skip_option(command: Callable[..., Any]) -> Callable[..., Any]:
     option = click.option(
         "--skip-unreadable",
         is_flag=True,
-        help="Leave out image files that cannot be read, or with exif say no position, and tell how many and which; "
+        help="Skip image files that cannot be read or, with exif, have no position, and report how many and which; "
         "the others keep their numbers.",
     )
     return under(IMAGES, option)(run)
@@ -205,7 +205,7 @@ asking_options = noun(
             type=TimeConstant(min=1),
             default=MODELS,
             metavar="N|off",
-            help="Let biases follow the queries before, with a time constant of N queries (default: with a motion the "
+            help="Adapt biases to the previous queries, with a time constant of N queries (default: with a motion the "
             "model's own, else off).",
         ),
         click.option(
@@ -297,7 +297,7 @@ def learning_options(file: str, *further: Callable[[Any], Any]) -> Callable[[Any
 
 
 season_option = learning_options(
-    "File of what was learned of the season before; it stays as it is.",
+    "File with the season learned so far; it is not changed.",
     click.option(
         "--gains",
         type=PATH,

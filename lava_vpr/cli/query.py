@@ -121,7 +121,7 @@ class Accepting:
             type=float,
             default=None,
             metavar="C",
-            help="Accept by the decoder's confidence instead: matches of at least this.",
+            help="Accept matches of at least this confidence of the decoder instead.",
         ),
     ),
     off_map_option,
@@ -145,9 +145,9 @@ def query(
 ) -> None:
     """Report which place each of IMAGES (a folder, list, video or single image) shows.
 
-    Places are given by their index and file name in the reference traverse; -1 is no match. A match stands there even
-    if it is not accepted. Where positions and times are known, columns follow with those of the matched place (x, y or
-    lat, lon), the query's time and the metres of error. On standard output lines come as images are done.
+    Places are given by their index and file name in the reference traverse; -1 is no match. A match is listed even if
+    it is not accepted. Where positions and times are known, further columns give those of the matched place (x, y or
+    lat, lon), the query's time and the error in metres. On standard output each line is written when its image is done.
     """
     files = (*where.files, *learning.files)
     outputs = writing.outputs(motion, learning.gains, read=files, model=model_path, images=(images,))

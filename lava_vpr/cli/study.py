@@ -50,14 +50,14 @@ from lava_vpr.traverse import open_traverse, open_traverses
     type=whole_numbers(0),
     default=(0, 1, 2),
     metavar="N,N,...",
-    help="Seeds; each measures every point anew.  [default: 0,1,2]",
+    help="Seeds; every point is measured with each.  [default: 0,1,2]",
 )
 @click.option(
     "--values",
     type=VALUES,
     default=(),
     metavar="X,X,...",
-    help="Points to measure in place of the study's own: numbers of places, of neurons a place, bits, steps, places of "
+    help="Points to measure instead of the study's own: numbers of places, of neurons a place, bits, steps, places of "
     "a module, members.",
 )
 @jobs_option
@@ -80,8 +80,9 @@ def study(
     """Measure what one setting does to recall and cost: learn and query the same images repeatedly, with several seeds.
 
     STUDY is one of: places, neurons, weighting (the steps of the paper's weighted decoder), bits, steps, seeds (noise),
-    hyperactive (modules without hyperactive neurons), ensemble. Everything is learned from REFERENCE, one traverse or
-    several, and asked the images of --query; no setting is chosen. docs/studies.md shows all of them on real images.
+    hyperactive (modules without hyperactive neurons), ensemble. Every model is learned from REFERENCE, one traverse or
+    several, and tested on the images of --query; no setting is chosen. docs/studies.md shows all of them on real
+    images.
     """
     if len(set(seeds)) < len(seeds):
         raise click.UsageError("--seeds names a seed twice; give each once")

@@ -76,29 +76,29 @@ from lava_vpr.truth.alignment import shown_places
     click.option(
         "--events",
         is_flag=True,
-        help="REFERENCE are images of events: learn them as recordings of events are learned, with the input 'events', "
-        "three views and the decoder 'standard' where nothing else is said.",
+        help="REFERENCE are images of events: learn them like recordings of events, with the input 'events', three "
+        "views and the decoder 'standard' unless set otherwise.",
     ),
     click.option(
         "--window-events",
         type=click.IntRange(1, 1_000_000_000),
         default=None,
         metavar="N",
-        help="Events that an image shows, whatever time they take.",
+        help="Number of events in an image, however long they take.",
     ),
     click.option(
         "--window-ms",
         type=Number(min=0.1, max=3_600_000),
         default=None,
         metavar="MS",
-        help="Milliseconds of events that an image shows, of a recording of an event camera.  "
+        help="Milliseconds of events in an image, for a recording of an event camera.  "
         f"[default: {EventsConfig.window_ms:g}]",
     ),
 )
 @under(
     LEARNED,
     click.option(
-        "--epochs", type=setting_type(StdpLearning, "epochs"), default=None, help="Times that every image is shown."
+        "--epochs", type=setting_type(StdpLearning, "epochs"), default=None, help="How often every image is shown."
     ),
     click.option(
         "--neurons",
@@ -110,20 +110,20 @@ from lava_vpr.truth.alignment import shown_places
         "--stretch",
         type=setting_type(Config, "stretch"),
         default=None,
-        help="Most places that are learned together; 0: the whole route at once.  [default: 100]",
+        help="Maximum number of places that are learned together; 0: the whole route at once.  [default: 100]",
     ),
     click.option(
         "--parts",
         type=whole_numbers(),
         default=(),
-        help="Places of consecutive parts of the route, for instance 500,10: each is cut into stretches by itself, as "
-        "if it had been learned alone and merged.",
+        help="Numbers of places of consecutive parts of the route, for instance 500,10: each part is cut into "
+        "stretches separately, as if it had been learned alone and merged.",
     ),
     click.option(
         "--views",
         type=setting_type(ViewsConfig, "shifts"),
         default=None,
-        help="Sideways views of every place, an odd number; each has neurons of its own.  [default: 1]",
+        help="Sideways views of every place, an odd number; each view has its own neurons.  [default: 1]",
     ),
     click.option(
         "--weight-bits", type=setting_type(LifNetwork, "weight_bits"), default=None, help="Bits of one weight."
@@ -162,8 +162,8 @@ from lava_vpr.truth.alignment import shown_places
         type=PATH,
         default=None,
         metavar="MODEL",
-        help="Vectors: measure them by the mean, scale and projection of this model, not their own, so that both can "
-        "be merged.",
+        help="Vectors: use the mean, scale and projection of this model instead of their own, so that both can be "
+        "merged.",
     ),
 )
 @under(
@@ -173,8 +173,8 @@ from lava_vpr.truth.alignment import shown_places
         type=PATH,
         default=None,
         metavar="FILE",
-        help="The last REFERENCE is a part of the route in another season: learn no places from it, but which inputs "
-        "survive the season, and write that to FILE (.lvps), which query, eval and watch take as --season.",
+        help="The last REFERENCE is a part of the route in another season: learn from it which inputs survive the "
+        "season, not places, and write this season to FILE (.lvps), for --season of query, eval and watch.",
     ),
     click.option(
         "--gt",
@@ -188,7 +188,7 @@ from lava_vpr.truth.alignment import shown_places
 @jobs_option
 @cluster_option
 @click.option("--seed", type=seed_type, default=None, help="Seed of start weights and spikes.  [default: 0]")
-@click.option("--resume", is_flag=True, help="Go on from the checkpoint of a training that was interrupted.")
+@click.option("--resume", is_flag=True, help="Resume an interrupted training from its checkpoint.")
 def train(
     references: tuple[str, ...],
     output: Path,
@@ -201,12 +201,11 @@ def train(
     """Learn the places of a route.
 
     REFERENCE is a folder of images (naturally sorted), a text or CSV list of image files, or a video; or a file of
-    vectors (.npy, .npz, .h5), one for each image, which another program made of them. Several are several traverses of
-    the same route, where image i of each shows place i. With positions of each they may differ in length: the images
-    nearest to the places of the first are taken. With --pairs, the last REFERENCE shows some of these places in another
-    season. With --dataset, REFERENCE is the folder that holds a benchmark dataset
-    (lava-vpr datasets). While it learns, progress is kept beside MODEL in a .checkpoint file,
-    from which --resume goes on.
+    vectors (.npy, .npz, .h5), one for each image, made by another program. Several REFERENCEs are traverses of the same
+    route, where image i of each shows place i. If each has positions, they may differ in length: the images nearest to
+    the places of the first are taken. With --pairs, the last REFERENCE shows some of these places in another season.
+    With --dataset, REFERENCE is the folder that holds a benchmark dataset (lava-vpr datasets). While it learns,
+    progress is saved beside MODEL in a .checkpoint file, from which --resume continues.
     """
     checkpoint = output.with_name(output.name + ".checkpoint")
     learned, other = _parted(references, pairs, gt, options["dataset"])

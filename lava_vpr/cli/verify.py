@@ -43,7 +43,7 @@ from lava_vpr.truth.alignment import aligned_truth
     help="Backend to compare with the host (default: all).",
 )
 @asking_options
-@click.option("--season", type=PATH, default=None, metavar="FILE", help="File of what was learned of the season.")
+@click.option("--season", type=PATH, default=None, metavar="FILE", help="File with the season to apply.")
 @replay_option
 @seed_option
 @json_option("the verdicts")
@@ -59,8 +59,8 @@ def verify(
 ) -> None:
     """Run the first images of QUERY through MODEL on every backend and compare every spike with the host's.
 
-    Exits with 1 if a single spike differs, or a backend that was named cannot run. A float backend has spikes of its
-    own; its recall is printed. Spikes that the network decides (exc, inh) are counted apart from those of inputs.
+    Exits with 1 if a single spike differs, or if a named backend cannot run. The spikes of a float backend may differ;
+    its recall is printed. Spikes that the network decides (exc, inh) are counted apart from those of inputs.
     """
     learning = Learning(learn=False, season=season, replay=replay)
     outputs = Outputs((json_path,), read=learning.files, model=asked.model_path, images=(asked.query,))

@@ -46,7 +46,7 @@ def port_number(text: str) -> int:
 @click.argument("source", type=str)
 @motion_option("any", "since a robot sends one image after another")
 @asking_options
-@learning_options("File of what is known of the season; with --learn it need not be there, and is written at the end.")
+@learning_options("File with the season; with --learn it need not exist, and is written at the end.")
 @precision_option
 @off_map_option
 @every_option
@@ -56,7 +56,7 @@ def port_number(text: str) -> int:
         "--existing/--no-existing",
         default=True,
         show_default=True,
-        help="Take the images that are in a folder at the start, too.",
+        help="Also take the images that are in the folder at the start.",
     ),
     click.option(
         "--topic", default=None, metavar="/NAME", help="Topic of a ROS bag (default: the only one with images)."
@@ -72,7 +72,7 @@ def port_number(text: str) -> int:
         flag_value=str(PORT),
         default=None,
         metavar="[PORT]",
-        help=f"Serve a live page on 127.0.0.1, at port {PORT} unless another is given (0: any that is free).",
+        help=f"Serve a live page on 127.0.0.1, by default at port {PORT} (0: any free port).",
     ),
 )
 @click.option("--stop-after", type=click.IntRange(min=1), default=None, metavar="N", help="End after N answers.")
@@ -94,13 +94,13 @@ def watch(
 ) -> None:
     """Report which place of MODEL each image of SOURCE shows, as it comes: a line of JSON on standard output.
 
-    SOURCE is a folder that images are written to; a video; a camera (camera:0, /dev/video0 or rtsp://...); a ROS bag;
-    a recording of events; -, which reads paths of images from standard input, one a line; or events:346x260, which
-    reads events of a sensor of that size from there. Lists and single images are taken, too.
+    SOURCE is a folder that images are written to; a video; a camera (camera:0, /dev/video0 or rtsp://...); a ROS bag; a
+    recording of events; -, which reads paths of images from standard input, one a line; or events:346x260, which reads
+    events of a sensor of that size from there. Lists and single images work, too.
 
-    An image of a folder is taken once it is whole; one that still cannot be read 5 seconds after its last change is
-    given up. What cannot be read is reported on stderr, with a count, and left out. Ctrl-C ends it; so does the end of
-    SOURCE, unless there is a page to be looked at.
+    An image of a folder is taken once it is complete; one that still cannot be read 5 seconds after its last change is
+    skipped. Images that cannot be read are reported on stderr, with a count, and skipped. Ctrl-C ends the command; so
+    does the end of SOURCE, unless there is a live page.
     """
     refuse_swapped(model_path, source)
     adapt, known = MODELS if asking.tracked_adapt else asking.adapt, _known(learning, model_path, source)

@@ -254,7 +254,7 @@ OWN = (
     ),
     LearningRule(
         "template",
-        "not at all, the references' own rates are the weights, to hold learning against",
+        "no learning, the references' own rates are the weights (the baseline for learning)",
         lambda config, stretch, key, _: TemplateTrainer(config, stretch),
         "template",
         epochs=1,

@@ -40,7 +40,7 @@ from lava_vpr.traverse import Traverse, open_traverses, ranges_of, readable
 _OUTPUT = "File to write (default: MODEL, replaced in one step when the new one is complete)."
 
 duplicates_option = click.option(
-    "--allow-duplicates", is_flag=True, help="Take images that the map has already; otherwise they are refused."
+    "--allow-duplicates", is_flag=True, help="Accept images that the map already has; otherwise they are refused."
 )
 
 
@@ -80,14 +80,13 @@ def extend(
     jobs: int | None,
     **where: Any,
 ) -> None:
-    """Learn further places into a model, with its own settings; what it has learned stays as it is.
+    """Add places to a model, learned with its own settings; what it has learned does not change.
 
-    IMAGES are one folder, list or video for each traverse that MODEL was learned from. The model is the one that
-    training all places together gives, in the same stretches (train --parts), byte for byte. Images that are another
-    part of the same traverse keep their absolute indices: those of a traverse of as many images in all, of which the
-    model has none. All others are counted on after its route. A model that knows where its places are takes positions
-    of the new ones, too, and no other does. Extending starts over if it is interrupted; until it is done, MODEL is as
-    it was.
+    IMAGES are one folder, list or video for each traverse that MODEL was learned from. The result equals, byte for
+    byte, a model trained on all places together in the same stretches (train --parts). Images from another part of the
+    same traverse keep their absolute indices, if that traverse has as many images in all and the model has none of
+    these. All others are numbered after its route. A model with positions needs positions of the new places, too; one
+    without takes none. An interrupted extend starts over; until it is done, MODEL does not change.
     """
     target = model_path if output is None else output
     with _changed(model_path, target, images, (*where["positions"], *map(Path, where["stamps"]))) as outputs:
@@ -116,11 +115,11 @@ def extend(
 @click.option("-o", "--output", type=PATH, default=None, metavar="MODEL", help=_OUTPUT)
 @jobs_option
 def remove(model_path: Path, places: tuple[tuple[int, int], ...], output: Path | None, jobs: int | None) -> None:
-    """Take places out of a model; what it has learned of the others stays as it is.
+    """Remove places from a model; what it has learned of the others does not change.
 
-    MODEL is a file, no bundle. PLACES are absolute indices, as eval and query report them, and ranges A:B, with commas
-    between: 120,130:140. The neurons that respond most to a place of PLACES, of those that they have learned, go with
-    it.
+    MODEL is a file, not a bundle. PLACES are absolute indices, as eval and query report them, and ranges A:B, with
+    commas between: 120,130:140. A neuron is removed with the place that it responds to most, of those that it has
+    learned.
     """
     target = model_path if output is None else output
     with _changed(model_path, target):
@@ -139,10 +138,10 @@ def remove(model_path: Path, places: tuple[tuple[int, int], ...], output: Path |
 @duplicates_option
 @jobs_option
 def merge(model_paths: tuple[Path, ...], output: Path, allow_duplicates: bool, jobs: int | None) -> None:
-    """Join models of equal settings into one; what they have learned stays as it is.
+    """Join models with equal settings into one; what they have learned does not change.
 
-    MODEL is a file; give two or more. Places stand in their order. Absolute indices are those that extending the first
-    by the images of the others gives.
+    MODEL is a file; give two or more. Places keep the order of the files. Absolute indices are those that extending the
+    first by the images of the others would give.
     """
     if len(model_paths) < 2:
         raise click.UsageError("there is nothing to merge; give two models or more")
@@ -257,12 +256,12 @@ time_step_option = click.option(
     "--references/--no-references",
     default=True,
     show_default=True,
-    help="Take along settings, names of places, responses and small images, so that import makes the model again.",
+    help="Include settings, names of places, responses and small images, so that import restores the model.",
 )
 def export(model_path: Path, output: Path, name: str | None, time_step: float, references: bool) -> None:
     """Write the network of MODEL in a format that other programs read.
 
-    What the format cannot say stands in the file's metadata and in docs/exchange.md. MODEL is a file or a bundle.
+    The file's metadata hold what the format cannot express (docs/exchange.md). MODEL is a file or a bundle.
     """
     row = format_of(output, name)
     Outputs((output,), model=model_path)
@@ -293,8 +292,8 @@ def export(model_path: Path, output: Path, name: str | None, time_step: float, r
 def import_model(path: Path, output: Path, name: str | None, like: Path | None, time_step: float) -> None:
     """Make a model of the network in FILE, which another program, or export, has written.
 
-    An unaltered file of export makes the model again that it was written from, byte for byte. Any other network is
-    rounded to the chip's integers where it has to be, and answers with the references of --like, or of the file itself.
+    An unaltered file of export restores its model, byte for byte. Any other network is rounded to the chip's integers
+    where necessary, and answers with the references of --like, or of the file itself.
     """
     row = format_of(path, name)
     Outputs((output,), read=(path,), model=like)

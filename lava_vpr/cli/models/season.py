@@ -20,7 +20,7 @@ from lava_vpr.report.images import as_png
 from lava_vpr.report.season import gains_table, trusted
 from lava_vpr.season.file import check_season, load, save, unlearned
 
-_APPLIED = "Quantise MODEL anew under a season that was learned."
+_APPLIED = "Quantise MODEL again with the season in FILE."
 applied_option = under(SEASON, click.option("--season", type=PATH, default=None, metavar="FILE", help=_APPLIED))
 """``--season`` of a command that takes a map to a board."""
 
@@ -43,21 +43,30 @@ def applied(model: Model, path: Path | None) -> tuple[Model, NDArray[np.uint8] |
 @click.argument("model_path", metavar="MODEL", type=PATH)
 @click.argument("path", metavar="FILE", type=PATH)
 @click.option(
-    "--picture", type=PATH, default=None, metavar="PNG", help="Draw what is trusted, over the image of a place."
+    "--picture",
+    type=PATH,
+    default=None,
+    metavar="PNG",
+    help="Draw which inputs are trusted, over the image of a place.",
 )
-@click.option("--save", "saved", type=PATH, default=None, metavar="FILE", help="Put a copy away.")
+@click.option("--save", "saved", type=PATH, default=None, metavar="FILE", help="Save a copy.")
 @click.option(
-    "--apply", "target", type=PATH, default=None, metavar="MODEL", help="Write the map with its weights under FILE."
+    "--apply",
+    "target",
+    type=PATH,
+    default=None,
+    metavar="MODEL",
+    help="Write the map with its weights multiplied by the gains in FILE.",
 )
-@click.option("--forget", is_flag=True, help="Begin anew, after all else: FILE then knows nothing.")
+@click.option("--forget", is_flag=True, help="Empty the season in FILE, after the other options.")
 def season(
     model_path: Path, path: Path, picture: Path | None, saved: Path | None, target: Path | None, forget: bool
 ) -> None:
     """Describe the season in FILE, written by watch --learn; draw, save, apply or forget it.
 
-    MODEL is any map with the inputs that FILE was learned with. It stays as it is: --apply writes another, whose
-    learned weights are multiplied by the gains and quantised anew, so that it needs neither FILE nor a host that
-    multiplies; what it would learn further stands without gains.
+    MODEL is any map with the inputs that FILE was learned with. MODEL does not change: --apply writes another map,
+    whose learned weights are multiplied by the gains and quantised again, so that it needs neither FILE nor a host that
+    multiplies. Places that it learns later have no gains.
     """
     Outputs((picture, saved, target), read=(path,), model=model_path)
     model = integer_model(open_model(model_path), "season", model_path)

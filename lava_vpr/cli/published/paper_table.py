@@ -65,7 +65,8 @@ def named_paths(form: str, count: int = 0) -> Parsed:
     "--positions",
     type=named_paths("NAME=REFERENCE.csv,..,QUERY.csv"),
     multiple=True,
-    help="Positions of each traverse of a dataset, the query's last, where the order of images tells nothing.",
+    help="Positions of each traverse of a dataset, the query's last, where the order of images does not tell their "
+    "places.",
 )
 @click.option(
     "--descriptors",
@@ -77,21 +78,21 @@ def named_paths(form: str, count: int = 0) -> Parsed:
     "--only",
     type=click.Choice(list(NETWORKS)),
     multiple=True,
-    help="Compute the rows of this network alone; repeat it for several (default: all).",
+    help="Compute only the rows of this network; repeat it for several (default: all).",
 )
 @click.option(
     "--sections",
     type=whole_numbers(),
     default=(),
     metavar="K,K,...",
-    help="Compute these sections alone, counted from 1 (default: all of the paper's).",
+    help="Compute only these sections, counted from 1 (default: all of the paper's).",
 )
 @click.option("--epochs", type=setting_type(StdpLearning, "epochs"), default=None, help="Epochs of every network.")
 @click.option("--seed", type=seed_type, default=0, show_default=True, help="Seed of start weights and spikes.")
 @jobs_option
 @cluster_option
-@click.option("--keep", type=PATH, default=None, metavar="DIR", help="Keep finished sections there, and take them.")
-@click.option("--kept-only", is_flag=True, help="Compute nothing: the table of what is kept so far.")
+@click.option("--keep", type=PATH, default=None, metavar="DIR", help="Save finished sections in DIR, and reuse them.")
+@click.option("--kept-only", is_flag=True, help="Compute nothing: print the table of the sections saved so far.")
 @json_option("the table")
 @click.option("--csv", "csv_path", type=PATH, default=None, metavar="FILE", help="Write the table as CSV.")
 @click.option("--markdown", "markdown_path", type=PATH, default=None, metavar="FILE", help="Write it as Markdown.")
@@ -109,11 +110,11 @@ def paper_table(
     report_folder: Path | None,
     **given: Any,
 ) -> list[Table]:
-    """Compute the paper's table anew, beside the numbers that it prints.
+    """Compute the paper's table again, beside the numbers that it prints.
 
     VPRSNN's network with the paper's four decoders, SAD, NetVLAD where its descriptors are given, and this package's
-    own presets and matchers on the same images, section by section. What is absent is a row that says why. A section
-    takes seconds, by preset paper one to two minutes: with --keep a run that is interrupted goes on where it was.
+    own presets and matchers on the same images, section by section. A row that cannot be computed says why. A section
+    takes seconds, with preset paper one to two minutes: with --keep an interrupted run continues where it was.
     """
     page = report_folder and report_folder / "paper_table.html"
     if kept_only and keep is None:

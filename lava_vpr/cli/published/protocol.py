@@ -37,7 +37,7 @@ RANKS = ("R@1", "R@5", "R@10")
     metavar="DIR",
     help="New folder for the lists, the model and the figures.",
 )
-@click.option("--part", is_flag=True, help="Take the images that are there, if some are missing.")
+@click.option("--part", is_flag=True, help="Run on the available images if some are missing.")
 @click.option("--preset", type=click.Choice(list(PRESETS)), default=None, help="As for train.")
 @click.option("--config", type=PATH, default=None, metavar="FILE", help="Settings in TOML, as for train.")
 @jobs_option
@@ -52,12 +52,12 @@ def protocol(
     config: Path | None,
     jobs: int | None,
 ) -> list[Table]:
-    """Run a protocol by which the field compares recognisers, beside the figures that others printed.
+    """Run a protocol by which the field compares methods, beside the published figures of others.
 
-    Without NAME: a list. With NAME: which images, from where, what is right, and who says so. With FOLDER, which holds
-    the images under the publisher's names, and DIR: the images are learned and recognised as the protocol says. DIR
-    then holds both lists of images, which references are right for each query, the model, and the figures of eval; the
-    commands are printed.
+    Without NAME: a list. With NAME: which images, where to get them, which matches are correct, and the source of the
+    figures. With FOLDER, which holds the images under the publisher's names, and DIR: the images are learned and
+    recognised as the protocol says. DIR then holds both lists of images, which references are right for each query, the
+    model, and the figures of eval; the commands are printed.
     """
     if name is None:
         return show_results([_list()], {})

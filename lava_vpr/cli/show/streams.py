@@ -265,7 +265,7 @@ writing_options = noun(
             default=1,
             show_default=True,
             metavar="K",
-            help="Name the K best places of each image, too.",
+            help="Report the K best places of each image.",
         ),
         click.option(
             "--bag",
@@ -288,7 +288,7 @@ writing_options = noun(
             type=PATH,
             default=None,
             metavar="FOLDER",
-            help="Where the reference images lie, for --predictions (default: their names alone).",
+            help="Folder of the reference images, for --predictions (default: their names alone).",
         ),
         click.option(
             "--scores",
