@@ -1,7 +1,7 @@
 """lava-vpr: visual place recognition with spiking networks on Intel's Loihi.
 
-`train` learns the places of a route, `load` reads a model, and a `Localizer` says where a robot is, image by image.
-These names are kept stable; all else may move between versions.
+`train` learns the places of a route, `load` reads a model, and a `Localizer` locates a robot, image by image. These
+names are stable; everything else may change between versions.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ kernelcache.prepare()
 
 
 def __getattr__(name: str) -> Any:
-    """A public name, imported when it is first asked for: the command line starts without."""
+    """Import a public name on first use, so that the command line starts without it."""
     if name in __all__:
         room = _ROOMS.get(name, "localizer")
         return getattr(importlib.import_module(f"lava_vpr.{room}"), name)

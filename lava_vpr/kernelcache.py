@@ -1,7 +1,7 @@
 """Where compiled kernels are kept, settled before numba is imported; and a cache that can only save time.
 
 numba looks only at the file that a function stands in, so a kernel with another file's function inlined would go stale.
-Where it cannot write, its disk is full or an entry is cut short it raises; here a kernel is compiled anew then.
+Where it cannot write, its disk is full or an entry is cut short it raises; here a kernel is compiled again then.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The public interface of a robot: `load` a model, ask a `Localizer` where it is, image by image."""
+"""The public interface for a robot: `load` a model, and locate it with a `Localizer`, image by image."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ CANDIDATES = 5
 
 
 def load(path: str | Path) -> Model:
-    """The model in a model file, or in the folder of a deployed bundle.
+    """Read the model in a model file, or in the folder of a deployed bundle.
 
     Raises:
         LavaVprError: it cannot be used.
@@ -49,29 +49,30 @@ def load(path: str | Path) -> Model:
 
 
 class Localizer:
-    """Says where a robot is, image by image, from a map of places.
+    """Locates a robot, image by image, on a map of places.
 
-    It computes in the caller's thread, opens no file after the map is read, and needs no more memory for more images.
-    A deep copy of it, or a pickled one, goes on where it was. One thread at a time may use it: each call changes what
-    is believed, and `add` and `remove` change the map. Threads may share a `Model`, which nothing changes; give each
-    thread a localizer of its own.
+    It computes in the caller's thread, opens no file after the map is read, and its memory does not grow with the
+    number of images. A deep copy, or a pickled one, continues from the same state. Only one thread at a time may use
+    it: each call changes the belief, and `add` and `remove` change the map. Threads may share a `Model`, which never
+    changes; give each thread its own localizer.
 
     Args:
         model: A model, or the path of a model file or bundle.
-        motion: ``any``: the robot drives either way, stops and turns; ``forward``: never back; ``none``: each image
-            is answered alone.
-        adapt: Time constant in images by which neurons' biases follow the images before; ``model``: that of the
-            model's settings (``network.adapt``), none where each image is answered alone; None: they do not.
+        motion: ``any``: the robot drives in both directions, stops and turns; ``forward``: never back; ``none``: each
+            image is answered alone.
+        adapt: Time constant, in images, with which neurons' biases adapt to the previous images; ``model``: that of the
+            model's settings (``network.adapt``), but no adaptation where each image is answered alone; None: no
+            adaptation.
         query_views: Sideways views in which each image is presented, an odd number. With more than one, and motion
             ``none``, probabilities are not known and no match is accepted.
-        target_precision: Share of the accepted matches that shall be right; None: 0.95.
-        off_map: Share of the images that is taken to be off the map, at least 0 and below 1.
+        target_precision: Share of the accepted matches that should be correct; None: 0.95.
+        off_map: Share of the images that is assumed to be off the map, at least 0 and below 1.
         seed: Seed of the images' spikes; None: the model's.
         crop: ``auto``: bars at the edges of images are cropped, or masked where they cover a part of it; or ``none``.
-        learn: Whether gains of inputs follow from sure answers, so that those count which survive the season.
-        season: What was learned of it before, or the path of its file; None: nothing.
+        learn: Whether sure answers teach the gains of inputs, so that inputs that survive the season count more.
+        season: Season learned before, or the path of its file; None: none.
     Raises:
-        LavaVprError: the model cannot be used, or not like this.
+        LavaVprError: the model cannot be used, or not with these arguments.
     """
 
     def __init__(
@@ -120,31 +121,31 @@ class Localizer:
 
     @property
     def model(self) -> Model:
-        """The map, with all that was added and without what was removed."""
+        """The map, with added places and without removed ones."""
         return self._model
 
     @property
     def belief(self) -> Belief | None:
-        """How likely each place is, and to be off the map, after the images so far; None with motion ``none``."""
+        """Probability of each place, and of being off the map, after the images so far; None with motion ``none``."""
         return None if self._answerer.filter is None else Belief.of(self._answerer.filter)
 
     @property
     def scores(self) -> NDArray[np.float64] | None:
         """The decoder's score of the last image alone at each place, higher is better, float64 (places,).
 
-        None before the first image, and after the map was changed.
+        None before the first image, and after a change of the map.
         """
         return self._scores
 
     @property
     def season(self) -> Season | None:
-        """What is known of the season; None where nothing is learned, and nothing was."""
+        """The season learned so far; None without ``learn`` and ``season``."""
         return self._asker.season
 
     def reset(self) -> None:
         """Forget the images so far: the next may be anywhere, on the map or off it.
 
-        With ``learn``, what they taught of the season stays, their mean included; `save_season` keeps it.
+        With ``learn``, the season that they taught stays, with their mean; `save_season` writes it.
         """
         self._asking = dataclasses.replace(self._asking, season=self.season)
         self._begin()
@@ -165,17 +166,17 @@ class Localizer:
         *,
         name: str | None = None,
     ) -> Match:
-        """Take the next image; one that is refused changes nothing.
+        """Locate the next image; an image that is refused changes nothing.
 
         Args:
             image: uint8 (h, w) grey or (h, w, 3) BGR; or a vector, real numbers (values,), of a map of vectors.
-            stamp: When it was taken, in seconds: after a longer pause than usual the robot may have gone further.
-                NaN counts for nothing; the match says what else cannot be.
-            odometry: Metres driven since the last image, backwards below 0 (or either way, with motion ``any``); None:
-                unknown. Needs a map with positions. With one, a stuck camera is reported.
-            name: What messages call the image; None: by the number of the call, from 0.
+            stamp: Time at which it was taken, in seconds: after a longer pause than usual the robot may have driven
+                further. NaN is ignored; the match reports other faults of the time.
+            odometry: Metres driven since the last image, negative if backwards (or in either direction, with motion
+                ``any``); None: unknown. Needs a map with positions. With odometry, a stuck camera is reported.
+            name: Name of the image in messages; None: the number of the call, from 0.
         Raises:
-            InputError: the image is none, or the odometry cannot be used.
+            InputError: it is not an image, or the odometry cannot be used.
         """
         model, word = self._model, INPUTS[self._model.config.encoder.kind].sees
         how: Any = {"names": [f"{word} {self._calls}" if name is None else name], "standard": model.standard}
@@ -207,13 +208,14 @@ class Localizer:
         *,
         allow_duplicates: bool = False,
     ) -> None:
-        """Learn further places; what was learned stays as it is, and so does what is believed.
+        """Add places to the map; neither what was learned before nor the belief changes.
 
         Args:
             images: Images of the new places, in driving order.
-            positions: Where they were taken, in the map's frame; needed if the map has positions, and only then.
+            positions: Where they were taken, in the map's frame; required if the map has positions, and refused
+                otherwise.
             names: A name for each of ``images`` in memory.
-            allow_duplicates: Whether some may be images that the map has already.
+            allow_duplicates: Whether to accept images that the map already has.
         Raises:
             LavaVprError: the images or positions do not fit the map, or are duplicates that are not allowed.
         """
@@ -234,12 +236,12 @@ class Localizer:
         self._go_on(changed, np.where(source < known, source, -1))
 
     def remove(self, places: Sequence[int]) -> None:
-        """Forget places of the map.
+        """Remove places from the map.
 
         Args:
             places: Absolute indices, as `Match.place` gives them.
         Raises:
-            InputError: the map has no such place, or fewer than two would be left.
+            InputError: the map has no such place, or fewer than two places would remain.
         """
         changed = maps.remove(self._model, places)
         self._go_on(changed, np.flatnonzero(np.isin(self._model.place_indices, changed.place_indices)))
@@ -254,10 +256,10 @@ class Localizer:
         model_file.save(self._model, Path(path))
 
     def save_season(self, path: str | Path) -> None:
-        """Write what is known of the season to a file; it appears complete or not at all.
+        """Write the season learned so far to a file; it appears complete or not at all.
 
         Raises:
-            ConfigError: nothing is learned here.
+            ConfigError: there is no season, without ``learn`` and ``season``.
             ModelFileError: it cannot be written.
         """
         check_arguments("path", path=path)

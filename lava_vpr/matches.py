@@ -27,7 +27,7 @@ class Candidate:
         place: Its absolute index in the reference traverse.
         name: File name of its reference image.
         score: The decoder's score of the image at this place.
-        probability: How likely it is; NaN for all but the first where each image is answered alone.
+        probability: Probability of this place; NaN for all but the first where each image is answered alone.
     """
 
     place: int
@@ -46,12 +46,12 @@ class Match:
         name: File name of that place's reference image; empty without a place.
         position: Coordinates of that place in ``frame``; None without a place, or where they are not known.
         frame: Frame of the position (`lava_vpr.positions.frames`).
-        probability: How likely the robot is there, within ``radius`` places; NaN where that is not known.
-        accepted: Whether that is likely enough for the precision that was aimed at, and nothing speaks against the
-            image.
+        probability: Probability that the robot is there, within ``radius`` places; NaN where it is not known.
+        accepted: Whether that probability reaches the threshold for the target precision, and the image is not
+            doubtful.
         radius: See ``probability``: 0 where each image is answered alone.
-        off_map: How likely the robot is off the map; NaN where each image is answered alone.
-        followed: How likely the images before tell where this one is; NaN where each image is answered alone.
+        off_map: Probability that the robot is off the map; NaN where each image is answered alone.
+        followed: Probability that the previous images tell where this one is; NaN where each image is answered alone.
         confidence: How sure the decoder is of this image alone; -inf if the image made no neuron spike.
         candidates: The best places, best first; none without a place.
         spikes: Spike counts of the neurons, int32 (neurons,).
@@ -87,8 +87,8 @@ class Match:
     def values(self) -> dict[str, Any]:
         """The match as plain JSON values; what is not known is None.
 
-        Probabilities have six digits, times microseconds, positions a centimetre. The two coordinates are not there
-        where the map has none, and signs of doubt are there only if the image is doubtful.
+        Probabilities are rounded to six digits, times to microseconds, positions to a centimetre. The two coordinates
+        are left out if the map has none, and signs of doubt unless the image is doubtful.
         """
         there = self.place >= 0
         said: dict[str, Any] = {

@@ -55,7 +55,7 @@ class Model:
     Attributes:
         config: Settings that it was trained with.
         network: What runs: integers for preset ``loihi``, the conductance model's state for ``paper``.
-        learned: Float weights as STDP left them, float32 (inputs, neurons); to quantise anew. Empty for ``paper``.
+        learned: Float weights as STDP left them, float32 (inputs, neurons); to quantise again. Empty for ``paper``.
         responses: S^R, spikes of each neuron for each place, uint16, or int32 where one is beyond (neurons, places).
         stretches: Parts of the route, in order.
         place_indices: Absolute index of each place in its traverse, int64 (places,).

@@ -87,7 +87,7 @@ class Traverse:
     @property
     def names(self) -> tuple[str, ...]:
         """File name of each image, or ``frame 000012`` with the frame's number in the video (``window 000012`` of
-        events); of vectors, the names beside them, or ``vector 000012``; made anew when asked."""
+        events); of vectors, the names beside them, or ``vector 000012``; made again when asked."""
         if self.frames is not None and self.stored is not None and self.stored.names is not None:
             return tuple(self.stored.names[number] for number in self.frames)
         if self.frames is not None and self.found is not None:

@@ -1,4 +1,4 @@
-"""A model in fewer bits and fewer synapses, quantised anew from the float weights that it learned."""
+"""A model in fewer bits and fewer synapses, quantised again from the float weights that it learned."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Compressed:
     """A model as it is to be deployed.
 
     Attributes:
-        model: The model as it is to be deployed: quantised anew, unless nothing had to be done.
+        model: The model as it is to be deployed: quantised again, unless nothing had to be done.
         original: The model that it was made from.
         prune: Share of each neuron's weights that was set to 0.
         notes: What differs from the original without having been asked for, for people.
@@ -111,7 +111,7 @@ UNCHANGED = Changes()
 
 
 def requantised(model: Model, changes: Changes = UNCHANGED, *, threads: int = 1) -> Model:
-    """``model`` quantised anew from its float weights, its responses measured; with nothing changed, the equal model.
+    """``model`` quantised again from its float weights, its responses measured; with nothing changed, the equal model.
 
     Args:
         model: With float weights (`Model.learned`).
@@ -126,7 +126,7 @@ def requantised(model: Model, changes: Changes = UNCHANGED, *, threads: int = 1)
 
 
 def under_gains(model: Model, gains: NDArray[np.uint8], *, threads: int = 1) -> Model:
-    """``model`` with what it learned of each input times its gain (inputs,), quantised, measured and calibrated anew.
+    """``model`` with what it learned of each input times its gain (inputs,), quantised, measured and calibrated again.
 
     Raises:
         ConfigError: no float weights, or no gain is above 0.
@@ -140,7 +140,7 @@ def with_settings(model: Model, changes: Changes) -> Model:
     """``model`` with the settings of ``changes``, its weights and network still the old ones.
 
     Raises:
-        ConfigError: it cannot be quantised anew, or a value is outside its range.
+        ConfigError: it cannot be quantised again, or a value is outside its range.
     """
     integer_model(model, PURPOSE)
     if model.learned.size == 0:
@@ -221,7 +221,7 @@ def adapted(model: Model, board: Board, changes: Changes = UNCHANGED) -> Compres
     ``changes.input_mode`` is not, inputs are as `for_inputs` says.
 
     Raises:
-        ConfigError: the model cannot be quantised anew where it has to be, or a value is outside its range.
+        ConfigError: the model cannot be quantised again where it has to be, or a value is outside its range.
         NetworkLimitError: the board cannot run so many bits; the message names the most that it can.
     """
     integer = integer_model(model, PURPOSE)

@@ -1,4 +1,4 @@
-"""What a Loihi 2 bundle holds of the network that learns: enough to train it anew, on the host, in Lava or on a board.
+"""What a Loihi 2 bundle holds of the network that learns: enough to train it again, on the host, in Lava or on a board.
 
 Lava's library has one threshold for all neurons, no floor, no hold and no normalisation; `engine.learning.lava_order`
 is learning without these. What is learned on the chip are unsigned weights, whatever ``network.signed``: the host takes

@@ -139,7 +139,7 @@ def _text(axes: Axes, x: float, y: float, text: str, size: float = 11, **style: 
 def _rectangle(axes: Axes, box: Box, colour: str, **style: Any) -> None:
     """Draw ``box`` as a filled rectangle."""
     left, top, width, height = box
-    # Not add_patch, which works out the data's limits anew each time: they are fixed.
+    # Not add_patch, which works out the data's limits again each time: they are fixed.
     axes.add_artist(Rectangle((left, top), width, height, **{"facecolor": colour, "linewidth": 0, **style}))
 
 

@@ -111,7 +111,7 @@ class GainsCost:
         gain_bytes: Bytes of an epoch's gains, in the host's memory; a board holds none of them.
         bias_registers: Registers of a board that are written for biases.
         bias_bytes: Bytes that are sent for these, a word of 4 for each.
-        weights: Weights on a board that are written anew when the gains in them change; 0: gains are not in weights.
+        weights: Weights on a board that are written again when the gains in them change; 0: gains are not in weights.
         weight_bytes: Their bytes, signs counted, indices and padding left out.
     """
 

@@ -1,7 +1,7 @@
 """The search for cheaper settings: recall on calibration images against modelled energy and time on a board.
 
-Every point is a whole deployment in small: the network quantised anew from the learned float weights for the board, its
-responses to the references measured anew (role ``response``), the queries run (role ``query``), partitioned, and its
+Every point is a whole deployment in small: the network quantised again from the learned float weights for the board,
+its responses to the references measured again (role ``response``), the queries run (role ``query``), partitioned, and its
 spikes counted into the cost model. The search goes out from points of the front as it stands: one to three settings
 move to a near value, what comes out is measured, and the front moves. The search is seeded, so equal input
 gives equal points. Every network is also tried with early stopping (`lava_vpr.experiments.task`).
@@ -48,7 +48,7 @@ LATTICE: dict[str, tuple[float, ...]] = {
 
 AHEAD = 8
 """Points that a cluster measures at once. A point that moves the front makes those behind it others than were drawn:
-they are drawn anew, so that the search is the one that measures them one by one."""
+they are drawn again, so that the search is the one that measures them one by one."""
 
 MODEL, FAST = "this model", "preset fast"
 """The two texts that `SweepPoint.chosen` can hold."""
@@ -124,7 +124,7 @@ def sweep(
     margins = (np.inf, *MARGINS)
     shared = case, board, margins, pool.threads if pool.here else 1
     as_learned, fast = current(case.model), fast_settings(case.model)
-    with_settings(case.model, UNCHANGED)  # refuse what cannot be quantised anew
+    with_settings(case.model, UNCHANGED)  # refuse what cannot be quantised again
 
     def moved(settings: Settings, rng: random.Random) -> Settings:
         return _moved(settings, rng, retrain)

@@ -50,7 +50,7 @@ COMMANDS = {
     "paper-table": (
         "lava_vpr.cli.published.paper_table",
         "paper_table",
-        "Compute the paper's table anew, beside the printed one.",
+        "Compute the paper's table again, beside the printed one.",
     ),
     "doctor": ("lava_vpr.cli.doctor", "doctor", "Report what is installed and what can run."),
 }
@@ -70,7 +70,7 @@ def main() -> None:
     \b
     lava-vpr demo                                      see it work on a built-in synthetic world
     lava-vpr train SUMMER/ -o route.lvpr               learn a route
-    lava-vpr extend route.lvpr MORE/                   learn further places into it
+    lava-vpr extend route.lvpr MORE/                   add further places to it
     lava-vpr eval route.lvpr WINTER/ --report report   recall, precision, plots
     lava-vpr query route.lvpr TODAY/ -o matches.csv    where was each image taken?
     lava-vpr watch route.lvpr FRAMES/ --page           where is the robot now? lines, and a live page

@@ -131,7 +131,7 @@ class Connection(Runner):
             return future.result()
         except KilledWorker as error:
             raise LostTaskError(error.allowed_failures + 1) from error
-        except CancelledError as error:  # the shared value was with workers that are all gone: it is sent anew
+        except CancelledError as error:  # the shared value was with workers that are all gone: it is sent again
             self.require()
             self._sent = None
             raise LostTaskError(1) from error

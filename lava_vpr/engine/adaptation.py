@@ -3,7 +3,7 @@
 The season's mean image is not the references', and with it every neuron's mean drive differs. An adapted network takes
 off, instead of its mean drive over the references, a running mean over the queries before, starting at that: one number
 a neuron, which is its bias. It follows from rates alone, in order, and not from spikes: how queries are batched or
-shared among threads changes nothing, but which came before does. A traverse starts anew.
+shared among threads changes nothing, but which came before does. A traverse starts again.
 
 A robot that stands still would unlearn the place where it stands: queries that overlap by `STANDING` with the last one
 that counted do not count (`Motion`). Where noise hides that, the mean becomes the place's: nor do queries count that

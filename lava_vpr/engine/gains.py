@@ -29,7 +29,7 @@ FULL = 15
 PRIOR = 10
 """Images at which every input is taken to have agreed before anything is learned."""
 EPOCH = 20
-"""Accepted answers after which gains are made anew."""
+"""Accepted answers after which gains are made again."""
 FORGETTING = 9
 """Sums lose 2^-9 of themselves with each accepted answer: a time constant of 512."""
 MARGINS = 255
@@ -96,7 +96,7 @@ class Season:
 
     @property
     def left(self) -> int:
-        """How many more answers must teach until gains are made anew, at least 1."""
+        """How many more answers must teach until gains are made again, at least 1."""
         return EPOCH - self.taught % EPOCH
 
     @property

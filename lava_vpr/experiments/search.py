@@ -152,7 +152,7 @@ def wander(
         parents: The settings worth moving on from, of all that was measured so far.
         budget: Settings that are measured.
         ahead: Settings that are measured at once: those that come next if ``parents`` stay as they are. Where they do
-            not, the rest is drawn anew, so that this changes no trial.
+            not, the rest is drawn again, so that this changes no trial.
     """
     found: dict[Key, R] = {}
     known: dict[Key, R] = {}

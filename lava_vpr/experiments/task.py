@@ -1,6 +1,6 @@
 """A task: what a route, settings and a seed bring. It depends on nothing else, and any process can be given it.
 
-A point of a search is a model quantised anew for a board, run, its costs modelled, stopped early. As soon as the best
+A point of a search is a model quantised again for a board, run, its costs modelled, stopped early. As soon as the best
 place leads the second by a margin, the rest of the steps of a query can be spared. Whoever stops must read the counts
 and decode after every step, which would be the work of the board's embedded processors. Energy and time are those of
 the steps that were run and of what is done between two queries; reading and decoding after every step is not in them.
@@ -54,7 +54,7 @@ WHOLE = ("steps", "weight_bits", "query_inputs")
 class Case:
     """A model, queries and their truth, bool (queries, places); ``seed`` of the queries' noise (None: the model's).
 
-    ``learned`` keeps what was learned anew, by neurons per place.
+    ``learned`` keeps what was learned again, by neurons per place.
     """
 
     model: Model = field(repr=False)
@@ -133,7 +133,7 @@ def configured(config: Config, settings: Settings) -> Config:
 
 
 def _source(case: Case, settings: Settings, threads: int) -> Model:
-    """The model of a case, learned anew from the references that it keeps if neurons per place differ."""
+    """The model of a case, learned again from the references that it keeps if neurons per place differ."""
     number = settings["neurons_per_place"]
     if number == current(case.model)["neurons_per_place"]:
         return case.model
@@ -149,7 +149,7 @@ def run_of(case: Case, settings: Settings, board: Board, threads: int) -> Run:
     """The queries of ``case`` through its network under ``settings`` (all that `current` names).
 
     Raises:
-        ConfigError: there is nothing to quantise anew, or a value is outside its range.
+        ConfigError: there is nothing to quantise again, or a value is outside its range.
         NetworkLimitError: ``board`` cannot run it.
     """
     source = _source(case, settings, threads)

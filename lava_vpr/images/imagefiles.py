@@ -313,7 +313,7 @@ def appearing(
 
 
 class _Listing:
-    """The names of the images in a folder, listed anew where it may have changed."""
+    """The names of the images in a folder, listed again where it may have changed."""
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._changed, self._noted = folder, -1, False

@@ -88,7 +88,7 @@ def _in_order(pixels: NDArray[np.uint8], down: NDArray[np.float32], across: NDAr
 def area_means(image: NDArray[np.uint8], height: int, width: int) -> NDArray[np.uint8]:
     """``image`` (h, w, c) made smaller by the means of areas, (height, width, c), as OpenCV's ``INTER_AREA`` has it.
 
-    Means are added up row by row, in the order that is fast, and anew in OpenCV's where those that are within both
+    Means are added up row by row, in the order that is fast, and again in OpenCV's where those that are within both
     errors could be rounded either way.
     """
     colours = image.shape[2]

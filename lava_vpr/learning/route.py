@@ -89,32 +89,33 @@ def train(
 
     Args:
         references: One or more traverses of the same places; image i of each shows place i. Vectors are standardised on
-            all of them, and those of more than ``encoder.vector_kept`` values projected on so many.
+            all of them, and those of more than ``encoder.vector_kept`` values are projected on that many.
         rates: Instead of ``references``: what each input responds to each image, real numbers of at least 0, (images,
-            inputs), of one traverse or of each of several; they are taken as they are.
+            inputs), of one traverse or of each of several; they are used unchanged.
         preset: Name of the settings to start from; None: ``loihi``. Recordings of events are learned with
             `lava_vpr.config.for_events` of it.
         config: All settings; or a file of settings in TOML, which changes those of the preset.
         places: Images A..B-1 of each traverse.
         every: Seconds between two images of a video, bag or recording of events.
         dataset, section: The one reference is the folder of this benchmark dataset, and one of its sections, from 1.
-        positions: Where images were taken, of the first traverse or of each: a file; ``exif``, which photos say
-            themselves; or an array, x and y in metres, float64 (images, 2), of the images in use.
-        skip_unreadable: Leave out image files that cannot be read, and note which; the others keep their absolute
-            indices, and of traverses in step the same images are left out of all.
+        positions: Where images were taken, of the first traverse or of each: a file; ``exif``, from the photos; or an
+            array, x and y in metres, float64 (images, 2), of the images in use.
+        skip_unreadable: Skip image files that cannot be read, and note which; the others keep their absolute indices,
+            and traverses in step all skip the same images.
         stamps: CSV file with the times of the images, or when a video begins, of the first traverse or of each.
         gap: Longest gap in seconds between two positions in which an image is placed by its time.
-        spacing: Learn a place every so many metres; needs positions.
-        keyframes: Learn only images whose input changed by so much since the place before: 1 - cosine, above 0 to 1.
-        parts: Places of consecutive parts of the route, each cut into stretches by itself.
-        standard: Measure vectors as this model does, so that both can be merged.
-        threads: Threads, which do not change the result; None: one a processor.
+        spacing: Metres between two places that are learned; needs positions.
+        keyframes: Learn only images whose input changed by this much since the previous place: 1 - cosine, above 0 to
+            1.
+        parts: Numbers of places of consecutive parts of the route, each cut into stretches separately.
+        standard: Model whose mean, scale and projection vectors use, so that both can be merged.
+        threads: Number of threads, which does not change the result; None: one for each processor.
         cluster: ``tcp://HOST:PORT`` of a Dask scheduler whose workers learn instead.
-        checkpoint: Where progress is kept while it learns; removed once it has.
-        resume: Go on from ``checkpoint``.
+        checkpoint: File for the progress while it learns; removed at the end.
+        resume: Whether to continue from ``checkpoint``.
         crop: ``auto``: bars that the images of a traverse have in common are cropped, or masked where they cover a
             part of them (`lava_vpr.framing`); or ``none``.
-        progress: Shows what is being done, and takes notes on it.
+        progress: Receives progress and notes.
         settings: Single settings, of `SETTINGS`: ``seed=1``, ``epochs=4``, ``learning="template"``.
     Returns:
         The model, with probabilities calibrated; `lava_vpr.model.save` writes it, and so does `Localizer.save`.

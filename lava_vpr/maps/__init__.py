@@ -1,7 +1,7 @@
 """Maps that live: a model is extended by places, loses places, or is merged with others, and nothing is learned twice.
 
 What a stretch has learned depends on its own images, the settings and the seed, so it stays, bit for bit. All that
-depends on the rest of the map (`lava_vpr.training.loop`) is derived anew, and so the same model comes of extending
+depends on the rest of the map (`lava_vpr.training.loop`) is derived again, and so the same model comes of extending
 by images, of merging with a model of them, and of training all of them together in the same stretches.
 
 Places keep their order and names: those of the first model, then the new ones, view by view and traverse by traverse.

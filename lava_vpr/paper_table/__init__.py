@@ -1,1 +1,1 @@
-"""The paper's table: its printed numbers, and the same computed anew, section by section."""
+"""The paper's table: its printed numbers, and the same computed again, section by section."""

@@ -1,7 +1,7 @@
 """What a drive's queries were presented with, gains and biases, as a file (``.lvpg``) that every backend replays.
 
 Answers that teach decide what later queries are shown with, so what counts the spikes of a batch cannot know it. The
-host answers first and writes down what it used; whoever replays that learns nothing anew, and counts the same spikes.
+host answers first and writes down what it used; whoever replays that learns nothing again, and counts the same spikes.
 """
 
 from __future__ import annotations

@@ -111,7 +111,7 @@ class Adam:
         config: IntegerConfig,
     ) -> None:
         torch = libraries().torch
-        torch.set_num_threads(1)  # of each thread anew: sums then have one order, whatever the machine
+        torch.set_num_threads(1)  # of each thread again: sums then have one order, whatever the machine
         self._weights, self._config = torch.nn.Parameter(torch.from_numpy(weights)), config
         rate = config.slayer.rate / np.sqrt(len(weights))
         self._adam = torch.optim.Adam([self._weights], lr=rate, foreach=False)

@@ -1,4 +1,4 @@
-"""The registry of studies, and those of one network: learned anew at every point, or once and then quantised anew,
+"""The registry of studies, and those of one network: learned again at every point, or once and then quantised again,
 decoded by the steps of the paper's weighted decoder, or shown the noise of other seeds."""
 
 from __future__ import annotations
@@ -78,14 +78,14 @@ def measure_learned(route: Route, task: StudyTask) -> list[Outcome]:
 
 
 def requantised_points(key: str, asked: StudyRequest, config: Config) -> list[list[Point]]:
-    """One learned model, quantised anew with every value of the setting ``network.key``."""
+    """One learned model, quantised again with every value of the setting ``network.key``."""
     config = integer_config(config, f"the study {asked.study.name}")
     values = asked.values or asked.study.values
     return [[Point("", config), *(Point(f"{v:g}", update(config, {"network": {key: int(v)}}), v) for v in values)]]
 
 
 def measure_requantised(route: Route, task: StudyTask) -> list[Outcome]:
-    """Learn the first point once; quantise what it learned anew for the others, and ask each the queries."""
+    """Learn the first point once; quantise what it learned again for the others, and ask each the queries."""
     source, *points = task.points
     model = learned(route, source.config)
     made = ((point, requantised(replace(model, config=point.config))) for point in points)

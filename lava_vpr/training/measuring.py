@@ -3,7 +3,7 @@
 S^R says how often each neuron spikes for each place. Margins, for the calibration of probabilities, are those of
 answers that are right, wrong and off the map.
 
-On the map: references of which most inputs (`ALTERED` of them, drawn anew for each) show what they show in another
+On the map: references of which most inputs (`ALTERED` of them, drawn again for each) show what they show in another
 reference. So much of an image changes with the season: on Nordland 0:200, learned in either season and asked in the
 other, `ALTERED` was chosen among shares from 0.6 to 0.95 as the one with the least calibration error where half of the
 queries are off the map. Where all are on it, what counts is who is taken for another, and so altered references are

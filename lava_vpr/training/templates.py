@@ -14,7 +14,7 @@ def template_of(model: Model, pool: Pool = ONE_THREAD) -> IntegerModel:
     """The model of the same references and settings whose weights are the references' mean rates, one neuron a place.
 
     It is the one that ``train --learning template`` makes of the same stretches, bit for bit: same inputs, same
-    integers, S^R measured anew.
+    integers, S^R measured again.
 
     Args:
         model: A model with an integer network, of a bundle, too.

@@ -1,4 +1,4 @@
-"""What sends input spikes: drawn, regular, or of compartments that integrate a bias."""
+"""Processes that send input spikes: drawn, regular, or from compartments that integrate a bias."""
 
 PROCESSES = (
     "PoissonEncoder",

@@ -1,4 +1,4 @@
-"""What sends input spikes: drawn, regular, or of compartments that integrate a bias."""
+"""Processes that send input spikes: drawn, regular, or from compartments that integrate a bias."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ class PyPoissonEncoder(ListedEncoderModel):
 class RegularEncoder(ListedEncoderProcess):
     """Sends the spikes of `engine.inference.biases.bias_input_spikes`, presentation after presentation, then none.
 
-    Input j spikes every ``LEVEL // bias + 1`` steps, for the first time when its start membrane says. They are the
-    spikes of a `lava_vpr.processes.BiasInputs`, whose compartments integrate them on the chip; these come from outside.
+    Input j spikes every ``LEVEL // bias + 1`` steps; its start membrane decides when it spikes first. The spikes equal
+    those of a `lava_vpr.processes.BiasInputs`, whose compartments integrate on the chip; these come from outside.
 
     Arguments, port and Var as `lava_vpr.processes.base.encoders.EncoderProcess`.
     """
@@ -94,13 +94,13 @@ class BiasInputs(EncoderProcess):
     input ``v' = v + bias_mant 2^bias_exp; spike = v' > THRESHOLD << 6; v'[spike] = 0``. In the silent steps and after
     the last presentation the compartments rest.
 
-    Lava's library has a LIF in their place, and who runs it writes to it: in one pause a presentation, between the last
-    step with input and the silent ones, `write` sets the next bias, and a membrane from which that bias reaches the
-    next start membrane by the end of the silent steps. Start membranes are below the threshold, so nothing spikes on
-    the way, and the threshold itself need not be written: Lava's simulated LIF ignores a new one after its first step.
+    Lava's library uses a LIF instead, and the caller writes to it: in one pause a presentation, between the last step
+    with input and the silent ones, `write` sets the next bias, and a membrane from which that bias reaches the next
+    start membrane by the end of the silent steps. Start membranes are below the threshold, so nothing spikes on the
+    way, and the threshold itself need not be written: Lava's simulated LIF ignores a new one after its first step.
 
-    Port: ``s_out`` spikes (inputs,). Vars (inputs,): ``v``, ``bias_mant``, ``bias_exp``, and ``emitted`` int64, how
-    many spikes each input has sent (with Lava's library it stays 0). ``interval``: steps of a presentation.
+    Port: ``s_out`` spikes (inputs,). Vars (inputs,): ``v``, ``bias_mant``, ``bias_exp``, and ``emitted`` int64, the
+    number of spikes that each input has sent (with Lava's library it stays 0). ``interval``: steps of a presentation.
     ``sent``: Vars that `write` has set so far; each is one message an element.
     """
 
@@ -171,7 +171,7 @@ class _LibraryInputs(AbstractSubProcessModel):
 
 @model_of(BiasInputs, "fixed")
 class SubBiasInputsFixed(_LibraryInputs):
-    """Lava's LIF, with the first presentation's bias and start membrane; `BiasInputs.write` brings the others."""
+    """Lava's LIF, with the first presentation's bias and start membrane; `BiasInputs.write` sets the others."""
 
 
 @model_of(BiasInputs, "float")

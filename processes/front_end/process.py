@@ -27,9 +27,9 @@ from lava_vpr.processes.sparse_synapses.process import SparseSynapses
 class FrontEndNetwork(CheckedProcess):
     """`FrontEnd` composed of an ExcitatoryLIF for each population, with SparseSynapses between them.
 
-    Presents one image after another, each for ``spec.steps`` steps. A run that prefers SubProcessModels puts Lava's
-    LIFReset and Sparse in their place, and nothing else: what a board can run. It takes one image; `write` brings the
-    others between runs. Where events drive the pixels, Lava's RingBuffer sends them.
+    Presents one image after another, each for ``spec.steps`` steps. A run that prefers SubProcessModels uses Lava's
+    LIFReset and Sparse instead, and nothing else: what a board can run. It takes one image; `write` sets the others
+    between runs. Where events drive the pixels, Lava's RingBuffer sends them.
 
     Ports: spikes of each population, by its name: ``clock``, ``pixels``, ``filters``, ``pairs``, ``onsets``, ``cells``,
     ``pools``. Var ``shown``: the grey levels of the image that is presented, (pixels,); or the events of all images, a
@@ -74,7 +74,7 @@ def _events(spec: FrontEnd, counts: NDArray[np.uint8]) -> NDArray[np.int32]:
 
 @implements(proc=FrontEndNetwork, protocol=LoihiProtocol)
 class SubFrontEndNetwork(AbstractSubProcessModel):
-    """The populations and synapses of the spec. Every arrow takes one step."""
+    """The populations and synapses of the spec. Every connection takes one step."""
 
     def __init__(self, proc: FrontEndNetwork) -> None:
         spec, n = proc.spec, len(proc.grey)

@@ -13,8 +13,8 @@ from lava_vpr.processes.base.neurons import HELD, LifModelFixed, LifModelFloat, 
 class ExcitatoryLIF(LifProcess):
     """Leaky integrate-and-fire neurons; ports, Vars and arithmetic as `LifProcess`.
 
-    What Lava's LIF lacks: one threshold for each neuron, a floor, a hold after spikes, rising thresholds, and biases
-    that follow presentations.
+    Beyond Lava's LIF they have one threshold for each neuron, a floor, a hold after spikes, rising thresholds, and
+    biases that follow presentations.
     """
 
 

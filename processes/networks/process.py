@@ -39,13 +39,13 @@ from lava_vpr.processes.synapses.process import DenseSynapses, OneToOne
 class PlaceNetwork(NetworkProcess):
     """`FixedNetwork` composed of DenseSynapses, ExcitatoryLIF and InhibitoryLIF, and OneToOne before relays.
 
-    A run that prefers SubProcessModels puts Lava's LIFReset, Dense and Sparse in their place, and nothing else: what a
-    board can run. It takes the biases of one presentation; `write_bias` brings the others between runs.
+    A run that prefers SubProcessModels uses Lava's LIFReset, Dense and Sparse instead, and nothing else: what a board
+    can run. It takes the biases of one presentation; `write_bias` sets the others between runs.
 
     Ports: ``s_in`` spikes (inputs,), ``s_out`` spikes of exc (neurons,), ``s_out_inh`` those of inh (inhibitory,): the
     leaves, then the root. Vars: ``weights`` (neurons, inputs), ``u``, ``v``, ``vth`` of exc (neurons,), ``v_inh``
-    (inhibitory,), ``lateral_weights`` (neurons, inhibitory), mantissas from inh (columns) to exc (rows), 0 or
-    below (with Lava's library and leaves a sparse matrix), ``bias_mant``, ``bias_exp`` of exc (neurons,).
+    (inhibitory,), ``lateral_weights`` (neurons, inhibitory), mantissas from inh (columns) to exc (rows), at most 0
+    (with Lava's library and leaves a sparse matrix), ``bias_mant``, ``bias_exp`` of exc (neurons,).
     """
 
     def __init__(self, *, network: FixedNetwork, bias: NDArray[np.int32] | None = None, **kwargs: Any) -> None:
@@ -85,7 +85,7 @@ class PlaceNetwork(NetworkProcess):
 
 @implements(proc=PlaceNetwork, protocol=LoihiProtocol)
 class SubPlaceNetwork(AbstractSubProcessModel):
-    """Input spikes go to exc, exc to inh, and inh takes from every exc. Every arrow takes one step."""
+    """Input spikes go to exc, exc to inh, and inh inhibits every exc. Every connection takes one step."""
 
     def __init__(self, proc: PlaceNetwork) -> None:
         network, interval = proc.network, proc.interval
@@ -202,8 +202,8 @@ class FusedPlaceNetwork(CheckedProcess):
 class PyFusedPlaceNetworkFixed(PyLoihiProcessModel):
     """Presents a batch of images in each Lava step, in Loihi's integers.
 
-    While Lava turns from one step to the next, a thread already computes the next batch; its results appear in the step
-    that they belong to.
+    While Lava advances to the next step, a thread already computes the next batch; its results appear in their own
+    step.
     """
 
     counts: NDArray[np.int32] = LavaPyType(np.ndarray, np.int32)
@@ -249,20 +249,20 @@ class PyFusedPlaceNetworkFixed(PyLoihiProcessModel):
 class LearningPlaceNetwork(NetworkProcess):
     """`IntegerLearning` composed of PlasticDense, ExcitatoryLIF, InhibitoryLIF, DenseSynapses and OneToOne.
 
-    One inhibitory neuron takes from every neuron; a relay of each neuron gives back what was taken in the same step.
+    One inhibitory neuron inhibits every neuron; the relay of a neuron that spiked gives it back in the same step.
 
     Every presentation of ``keys`` is `engine.learning.integer.present`: weights are normalised and membranes and traces
     cleared in its first step; thresholds are kept. With ``late_theta`` thresholds rise between presentations and by the
     host (`raise_thresholds`), as on a chip. Under ``floating_pt`` the same spec runs without rounding.
 
-    A run that prefers SubProcessModels puts Lava's LIFReset, Dense, Sparse and LearningDense in the place of the parts:
-    what Intel's compiler could place. It takes ``rng_seed``, one presentation, and what the library has: one threshold
-    for all that does not rise, no floor, no hold, no normalisation. Equal, too, in every spike, weight and trace.
+    A run that prefers SubProcessModels uses Lava's LIFReset, Dense, Sparse and LearningDense instead of the parts: what
+    Intel's compiler could place. It takes ``rng_seed``, one presentation, and the features of the library: one constant
+    threshold for all, no floor, no hold, no normalisation. Every spike, weight and trace is equal, too.
 
     Ports: ``s_in`` spikes (inputs,), ``s_out`` spikes of exc (neurons,), ``s_out_inh`` those of inh (1,). Vars:
     ``weights`` (neurons, inputs), ``x1`` traces (inputs,), ``u``, ``v``, ``vth`` of exc (neurons,), ``v_inh`` (1,),
-    ``lateral_weights`` (neurons, 1), mantissas of what inh takes from each neuron, 0 or below, and ``own_weights``
-    (neurons, neurons), the same on the diagonal, given back by each neuron's own relay (`set_laterals` writes both).
+    ``lateral_weights`` (neurons, 1), mantissas from inh to each neuron, at most 0, and ``own_weights`` (neurons,
+    neurons), the same on the diagonal, given back by each neuron's own relay (`set_laterals` writes both).
     """
 
     def __init__(
@@ -332,9 +332,10 @@ class LearningPlaceNetwork(NetworkProcess):
 
 @implements(proc=LearningPlaceNetwork, protocol=LoihiProtocol)
 class SubLearningPlaceNetwork(AbstractSubProcessModel):
-    """Input spikes go to exc by synapses that its spikes change, exc to inh, and inh takes from every exc.
+    """Input spikes go to exc by synapses that its spikes change, exc to inh, and inh inhibits every exc.
 
-    Each exc has a relay, too, which gives it back in the same step what inh takes: winners are spared.
+    Each exc also has a relay, which spikes after it and gives the inhibition back in the same step: winners are
+    spared.
     """
 
     def __init__(self, proc: LearningPlaceNetwork) -> None:

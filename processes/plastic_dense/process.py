@@ -72,18 +72,17 @@ class FloatRule(NamedTuple):
 class PlasticDense(CheckedProcess):
     """All-to-all synapses with the STDP rule of `lava_vpr.engine.learning.integer` and `lava_vpr.engine.learning.stdp`.
 
-    In a Lava step, in this order: send what the spikes of the step before bring; receive this step's input spikes and
-    sum their weights for the next step; let the traces decay and set those of spiking inputs; receive this step's
-    postsynaptic spikes; learn. Sending comes before receiving, so that the postsynaptic population can be the very one
-    that this connection excites.
+    The order in a Lava step: send the sums of the previous step's spikes; receive this step's input spikes and sum
+    their weights for the next step; let the traces decay and set those of spiking inputs; receive this step's
+    postsynaptic spikes; learn. Sending comes before receiving, so that the postsynaptic population can be the one that
+    this connection excites.
 
     With ``steps``, Lava steps are presentations of ``steps`` and ``silent_steps`` more. In the first step of each all
-    traces are cleared and, with ``weight_sum``, each neuron's weights are brought to that sum: what the host does on a
-    chip, since no learning engine adds over a neuron's synapses. After the last presentation nothing is learned any
-    more.
+    traces are cleared and, with ``weight_sum``, each neuron's weights are brought to that sum: on a chip the host does
+    this, since no learning engine sums over a neuron's synapses. After the last presentation nothing is learned.
 
-    Lava's library has a LearningDense in its place, with random numbers of its own (``rng_seed``). It takes one
-    presentation: who runs it clears the traces (``x1.set``) and normalises weights between two.
+    Lava's library uses a LearningDense instead, with separate random numbers (``rng_seed``). It takes one presentation:
+    the caller clears the traces (``x1.set``) and normalises weights between two.
 
     Ports: ``s_in`` (inputs,), ``a_out`` (neurons,), ``s_in_post`` (neurons,), spikes of the same step. Vars:
     ``weights`` (neurons, inputs) as in Lava's Dense, ``x1`` traces (inputs,), ``a_buff`` (neurons,). Traces are 0..127

@@ -1,4 +1,4 @@
-"""Synapses that do not learn, of which most pairs of neurons have none."""
+"""Sparse synapses that do not learn."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ from lava_vpr.processes.base.magma import (
 class SparseSynapses(CheckedProcess):
     """Static synapses: ``a_out`` = (weights of the inputs that spiked one step ago, summed) 2^weight_exp.
 
-    As `lava_vpr.processes.synapses.process.DenseSynapses`, but what they take in memory and time follows from their own
-    number, and their weights cannot be set. Ports: ``s_in`` spikes (pre,); ``a_out`` sums (post,). Var: ``a_buff``
-    (post,), the sums of the next step.
+    As `lava_vpr.processes.synapses.process.DenseSynapses`, but their memory and time grow with the number of synapses,
+    and their weights cannot be set. Ports: ``s_in`` spikes (pre,); ``a_out`` sums (post,). Var: ``a_buff`` (post,), the
+    sums of the next step.
     """
 
     def __init__(self, *, weights: csr_matrix, weight_exp: int = 0, **kwargs: Any) -> None:

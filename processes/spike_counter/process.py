@@ -1,4 +1,4 @@
-"""Counts the spikes of a population, presentation by presentation, and records them if asked to."""
+"""Counts the spikes of a population in each presentation, and records them on request."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from lava_vpr.processes.base.magma import (
 
 
 class SpikeCounter(CheckedProcess):
-    """Counts spikes in the step in which they are sent; what comes after the last presentation is not counted.
+    """Counts spikes in the step in which they are sent; spikes after the last presentation are not counted.
 
     Port: ``s_in`` (neurons,). Var: ``counts`` int32 (presentations, neurons). Reading a large Var is slow; give a
     shared array instead.

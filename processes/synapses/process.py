@@ -37,7 +37,7 @@ _SUMS, _WEIGHT = {"a_out": (np.int32, 24), "a_buff": (np.int32, 24)}, (np.int32,
 
 
 def sign_of(weights: NDArray[Any], sign_mode: SignMode | str | None) -> lif.SignMode:
-    """Sign mode by name; from the weights themselves if it is None, as Lava determines it.
+    """The sign mode with a name; None: that of the weights, as Lava determines it.
 
     Raises:
         NetworkLimitError: there is no such mode.

@@ -1,1 +1,1 @@
-"""What others can cite: the benchmark datasets of the field, and the paper's table computed anew."""
+"""What others can cite: the benchmark datasets of the field, and the paper's table computed again."""

@@ -54,10 +54,10 @@ class ConductanceLIF(AbstractProcess):
         spike if v > (theta - offset) + threshold, at least ``refractory`` steps after the last one
         then v = reset, theta += theta_plus
 
-    What arrives in a Lava step was sent by spikes of the step before and is added to the conductances *first*: the
-    same as adding it at the end of that step, after its thresholds, as Brian2's schedule does. So Lava's connections,
-    which take one step, give Brian2's timing without any change. In the first step of a presentation all states but
-    theta return to rest, and what arrives then is lost.
+    Input that arrives in a Lava step was sent by spikes of the previous step and is added to the conductances *first*:
+    this equals adding it at the end of that step, after its thresholds, as Brian2's schedule does. So Lava's
+    connections, which take one step, give Brian2's timing without any change. In the first step of a presentation all
+    states but theta return to rest, and input that arrives then is lost.
 
     Ports, all (neurons,): ``g_e_in`` excitatory conductance; ``g_i_in`` *minus the number* of inhibitory spikes, as
     `LateralInhibition` sends with an inhibition of 1, since each adds ``g_inh`` on its own; ``s_out`` spikes.

@@ -29,7 +29,7 @@ MAX_DELAY = 65534
 
 
 def check_synapses(owner: str, weights: NDArray[np.float64], delays: NDArray[np.integer], interval: int) -> None:
-    """Refuse weights, delays and presentation lengths that make no network.
+    """Refuse weights, delays and presentation lengths that cannot form a network.
 
     Raises:
         NetworkLimitError: naming what is out of range.
@@ -84,7 +84,7 @@ class DelayedDense(AbstractProcess):
 
 @model_of(DelayedDense, "float")
 class PyDelayedDenseFloat(PyLoihiProcessModel):
-    """A ring of sums, one row for each step that spikes can still arrive in.
+    """A ring of sums, one row for each step in which spikes can still arrive.
 
     Weights that arrive together are added in the order of departure, then of input, as the host engine adds them.
     """
