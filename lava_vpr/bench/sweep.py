@@ -1,8 +1,8 @@
 """The search for cheaper settings: recall on calibration images against modelled energy and time on a board.
 
 Every point is a whole deployment in small: the network quantised again from the learned float weights for the board,
-its responses to the references measured again (role ``response``), the queries run (role ``query``), partitioned, and its
-spikes counted into the cost model. The search goes out from points of the front as it stands: one to three settings
+its responses to the references measured again (role ``response``), the queries run (role ``query``), partitioned, and
+its spikes counted into the cost model. The search goes out from points of the front as it stands: one to three settings
 move to a near value, what comes out is measured, and the front moves. The search is seeded, so equal input
 gives equal points. Every network is also tried with early stopping (`lava_vpr.experiments.task`).
 

@@ -117,9 +117,11 @@ def test_the_readme_is_read_in_minutes() -> None:
 
 TRANSLATED = (
     *("carried off", "is told on", "told apart", "what speaks against", "the house", "say for each"),
-    *("so probable that", "lacks or garbles"),
+    *("so probable that", "lacks or garbles", " anew", "held against", "the wanted least", "is minded"),
+    *("takes from every", "takes from all", "in the place of", "another thing", "mends that", "goes on where it"),
 )
-"""Turns that are no English of the field, which says kidnapped, reported, architecture, report, above, has no."""
+"""Turns that are no English of the field, which says kidnapped, reported, architecture, report, above, has no, again,
+compared with, threshold, ignored, inhibits, instead of, something else, repairs, continues."""
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
