@@ -21,7 +21,7 @@ def main() -> None:
     file = target("front_end.png", "Draw the second picture of docs/concepts.md.")
     found = Layers.of(FRONT_END, render(WORLD, PLACE, "winter"), file.name)
     drawn = Image.open(io.BytesIO(picture(found))).convert("RGB")
-    drawn.quantize(160, dither=Image.Dither.NONE).save(file, "PNG", optimize=True)
+    drawn.quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(file, "PNG", optimize=True)
     print(f"{file.name}: {FRONT_END.steps} steps; {file.stat().st_size / 1e3:.0f} kB")
 
 

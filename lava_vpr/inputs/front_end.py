@@ -280,11 +280,12 @@ class FrontEnd:
         """
         if not self.window:
             return _grey(averaged(image, self.width, self.height))
-        events, counts = _grey(image), np.zeros(self.shape, np.int64)
+        events = _grey(image)
         for axis, pixels in enumerate((self.height, self.width)):  # a sensor of fewer: each of its own is several
             events = events.repeat(max(1, -(-pixels // events.shape[axis])), axis)
         rows, columns = (np.arange(n) * to // n for n, to in zip(events.shape, self.shape, strict=True))
-        np.add.at(counts, np.ix_(rows, columns), events)
+        at = (rows[:, None] * self.shape[1] + columns).ravel()
+        counts = np.bincount(at, events.ravel(), math.prod(self.shape)).reshape(self.shape)
         return np.minimum(counts, self.window).astype(np.uint8)
 
     def levels_of(self, shown: NDArray[np.uint8]) -> NDArray[np.uint8]:
