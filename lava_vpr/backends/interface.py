@@ -1,6 +1,6 @@
-"""What a backend is: an object that counts the spikes of presentations, and the row that tells the rest about it.
+"""The interface of backends: an object that counts the spikes of presentations, and a row that describes it.
 
-The host's, the compiled engine on this machine's processor, is the one that every other is compared with.
+Every other backend is compared with the host's, the compiled engine on this machine's processor.
 """
 
 from __future__ import annotations
@@ -54,17 +54,17 @@ def events_of(
 
 @dataclass(frozen=True)
 class Presentations:
-    """The presentations that a backend is shown; the noise of each follows from its own rates, wherever it stands.
+    """Presentations for a backend; the noise of each follows from its rates, whatever its position.
 
     Attributes:
         rates: Rates of the inputs, (n, inputs): uint16 in units of 2^-16 for integer networks, uint32
             in units of 2^-32 for the float conductance model.
         seed: The seed of the noise.
-        role: What the noise is for, one of `lava_vpr.engine.random.ROLES`.
+        role: Role of the noise, one of `lava_vpr.engine.random.ROLES`.
         bias: Biases of the neurons in each presentation, int32 (n, neurons), where the network adapts
             (`lava_vpr.engine.adaptation`); None: the network's own.
-        plain: Where ``rates`` are under gains (`lava_vpr.engine.gains`): those without, of which the noise follows;
-            None: they are without.
+        plain: Where ``rates`` include gains (`lava_vpr.engine.gains`): the rates without gains, from which the noise
+            follows; None: ``rates`` are without gains.
     """
 
     rates: NDArray[Any]
@@ -104,7 +104,7 @@ def query_presentations(model: Model, queries: EncodedTraverse, seed: int | None
     """The presentations of ``queries`` to ``model``; ``seed`` defaults to the model's.
 
     Raises:
-        InputError: the queries were encoded with other settings, or are no images that were encoded.
+        InputError: the queries were encoded with other settings, or are not encoded images.
     """
     check_encoded(queries, model.config.encoder, "queries")
     rates = query_rates(queries.activity, model.config)
@@ -136,7 +136,7 @@ class Backend(Protocol):
 
 @dataclass(frozen=True)
 class BackendRow:
-    """A backend as users choose it.
+    """The description of a backend that users can choose.
 
     Attributes:
         name: The name that ``--backend`` takes.
@@ -145,17 +145,17 @@ class BackendRow:
         unavailable: Why it cannot run here, and what to do; None if it can.
         exact: Its spikes are the host's, bit for bit; otherwise it computes in floating point, and its recall is
             compared instead.
-        hosts_kernel: Its model calls the host engine's own kernel, so that equal spikes prove the way there and back,
-            and say nothing of the arithmetic.
-        counts_only: It tells spike counts, but no single spikes.
-        board: Name of the board whose bundles it runs; None: it asks for no board.
+        hosts_kernel: Its model calls the host engine's own kernel, so that equal spikes prove the data path, not the
+            arithmetic.
+        counts_only: It gives spike counts, but no single spikes.
+        board: Name of the board whose bundles it runs; None: it needs no board.
         timing: How ``bench`` times it: ``compiled`` in a fresh process, ``lava`` by the times that Lava's runs report
             with, ``board`` by the vendor's profiler; None: not at all.
         default: ``bench`` times it if no backend was asked for.
         limit: Most queries that ``bench`` times it on; None: all.
         batch: Presentations that ``bench`` runs in one batch, at least.
-        together: Queries of a stream that it is shown in one call: few bound the memory, but what starts a process or
-            reads a bundle for each call is given many.
+        together: Queries of a stream in one call: few bound the memory, but a backend that starts a process or reads a
+            bundle for each call gets many.
         front_end: What runs the spiking front end before the network; None: the backend begins with the inputs' spikes.
     """
 
@@ -177,7 +177,7 @@ class BackendRow:
 
 @dataclass(frozen=True)
 class HostBackend:
-    """The compiled engine; results do not depend on who counts."""
+    """The compiled engine; results do not depend on the number of threads."""
 
     pool: Pool = ONE_THREAD
 

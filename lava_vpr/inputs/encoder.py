@@ -1,9 +1,9 @@
 """Kinds of input, one row each: which channels look at an image, and how they respond.
 
-Everything that belongs to a kind of input is in its row: how many channels there are, how they respond to an image, how
-a report draws what a neuron has learned about them. A new kind is a function and a row in `INPUTS`: settings, commands,
-files and reports ask for the row.
-Also what is kept of images, or of vectors, once they are read and encoded.
+Everything that belongs to a kind of input is in its row: the number of channels, their response to an image, and how a
+report draws what a neuron has learned about them. A new kind is a function and a row in `INPUTS`: settings, commands,
+files and reports use the row. This module also defines what is kept of images, or of vectors, after they are read and
+encoded.
 """
 
 from __future__ import annotations
@@ -43,18 +43,19 @@ class EncoderConfig:
         orientations: Number of orientations, evenly spaced over 180 degrees.
         window: Side in pixels of the divisive-normalisation window, odd.
         blur: Standard deviation in pixels of the Gaussian that the resized image is smoothed with; 0: none.
-        pool_floor: Share of the image's mean edge energy that is added to each window's.
+        pool_floor: Share of the image's mean edge energy that is added to that of each window.
         train_spikes: Expected input spikes per step while training ("tot"), all inputs together.
         query_spikes: Expected input spikes per step while answering a query.
-        query_inputs: Only so many inputs, those that respond most, spike while answering a query; 0: all.
+        query_inputs: Number of inputs that may spike while answering a query, those that respond most; 0: all.
         saturation: ``events``: share of the pixels that are not 0 that keep their level; what is above is cut.
         max_rate_hz: ``pixels`` under the ``paper`` preset: rate of a white pixel, in Hz.
-        vector_values: Values of a vector as it is given; training takes it from the references. 0: not known yet.
-        vector_kept: Most values that ``vector`` has inputs for, two for each; longer vectors are projected on so many.
-        vector_scale: What ``vector`` divides values by, once the mean of the references is off: one scale ``shared`` by
-            all, or each by its ``own``.
-        vector_dead_zone: What ``vector`` takes off the magnitude of each value, in units of the mean magnitude of the
-            vector.
+        vector_values: Number of values of a given vector; training takes it from the references. 0: not known yet.
+        vector_kept: Maximum number of values for which ``vector`` has inputs, two for each; longer vectors are
+            projected on that many.
+        vector_scale: Scale by which ``vector`` divides values after subtracting the mean of the references: one
+            ``shared`` by all, or each value's ``own``.
+        vector_dead_zone: Amount that ``vector`` subtracts from the magnitude of each value, in units of the vector's
+            mean magnitude.
     """
 
     kind: str = "orientation"
@@ -106,7 +107,7 @@ class ChannelLayout(NamedTuple):
     Attributes:
         channels: Channels at each point of the grid.
         grid: Side of the grid.
-        points: Points that each channel has, where those fill the grid but for its end; 0: all of it.
+        points: Points of each channel, if they fill all of the grid except its end; 0: all of it.
     """
 
     channels: int
@@ -124,7 +125,7 @@ class Input:
     """A kind of input: its channels, how they respond, and how a report draws them.
 
     Attributes:
-        name: How options and settings call it.
+        name: Its name in options and settings.
         layout: The channels under given settings.
         sees: What `activity` is given: the ``image`` as it was read, uint8 (h, w) or (h, w, 3) BGR, or its
             patch-normalised form, the ``patch``, uint8 (28, 28); or a ``vector``, float32 (values,).
@@ -316,7 +317,7 @@ class EncodedTraverse:
         return replace(self, names=names, indices=self.indices[chosen], activity=self.activity[chosen], **kept)
 
     def kept(self, part: Keep, purpose: str) -> NDArray[Any]:
-        """One part of what may be kept, seen to be there, as the attribute of its name holds it.
+        """One of the optional parts, checked to be there.
 
         Args:
             part: The part.
@@ -338,7 +339,7 @@ def check_encoded(encoded: EncodedTraverse, encoder: EncoderConfig, what: str) -
     Compiled code goes through these arrays without looking at their ends.
 
     Args:
-        encoded: Images from wherever.
+        encoded: Images from any source.
         encoder: The settings of the model.
         what: The images in a word, which the message begins with.
     Raises:

@@ -1,9 +1,9 @@
-"""Answers: the matched place of each query, how sure that match is, and how likely it is right; held against the truth.
+"""Answers: the matched place of each query, its confidence and its probability; and their comparison with the truth.
 
 `Answerer.step` is the one way from scores of places to answers: each query by itself, in sequences, or followed by a
 forward filter. State goes in and out, so that a robot's next image, a stream and a whole evaluation share it.
 
-`hold` and `follow` hold answers against the truth, some queries at a time: all of a long map fit no memory.
+`hold` and `follow` compare answers with the truth, some queries at a time: all of a long map would not fit into memory.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Answers(NamedTuple):
     ranking: Ranking = UNRANKED
 
     def told(self, places: NDArray[np.int64]) -> Answers:
-        """What somebody would answer, sure, who knows the place of each query, -1 for none, int64 (n,)."""
+        """Sure answers with the known place of each query, -1 for none, int64 (n,)."""
         nowhere = (places < 0).astype(np.float64)
         return self._replace(matches=places, probability=1 - nowhere, off_map=nowhere)
 
@@ -114,7 +114,7 @@ def answers_of(matcher: str, scores: Scores, calibration: Calibration | None = N
         matcher: Name of the decoder or other matcher whose scores these are.
         scores: Scores (n_queries, n_places), higher is better.
         calibration: Of that decoder; None: probabilities are not known.
-        off_map: The share of the queries that is taken to be off the map.
+        off_map: The share of the queries that is assumed to be off the map.
     """
     probability = np.full(len(scores), np.nan) if calibration is None else calibration.probabilities(scores, off_map)
     return Answers(best(scores), confidence(matcher, scores), probability, ranking=Ranking(scores, scores))
@@ -128,7 +128,7 @@ class Together:
         sequence: Queries whose scores are added up at the references' own speed; 1: none.
         motion: How the robot may move from one query to the next (`forward_filter.MOTIONS`); ``none``: unknown.
         calibration: Of the model's decoder; None: probabilities of single queries are not known.
-        off_map: The share of the queries that is taken to be off the map, at least 0 and below 1.
+        off_map: The share of the queries that is assumed to be off the map, at least 0 and below 1.
         along: Metres along the route of each place, float64 (places,), for odometry; None: unknown.
     """
 
@@ -149,7 +149,7 @@ class Together:
 
     @property
     def unknown(self) -> str | None:
-        """Of which answers probabilities are not known, and the remedy; None where they are known."""
+        """Which answers have no known probabilities, and the remedy; None where they are known."""
         if self.motion != NONE:
             return None
         if self.sequence > 1:
@@ -244,10 +244,10 @@ class Answerer:
 
 
 def least_probability(together: Together, precision: float | None = None) -> float:
-    """The least probability with which an answer is accepted, so that ``precision`` of the accepted are right.
+    """The probability threshold for accepting an answer, so that a share ``precision`` of the accepted is right.
 
-    The calibration of single queries says it, and filtered ones are accepted from there on, too: a query that is not
-    followed is a single one. A filtered one is accepted from the precision itself on in any case.
+    It follows from the calibration of single queries and holds for filtered ones, too: a query that is not followed is
+    a single one. A filtered one is accepted from the precision itself on in any case.
 
     Args:
         together: How queries are matched.
@@ -313,7 +313,7 @@ class InBlocks:
 
 
 class Held(NamedTuple):
-    """A matcher's answers held against the truth.
+    """A matcher's answers compared with the truth.
 
     Attributes:
         metrics: Its figures.
@@ -337,7 +337,7 @@ def hold(
     keep: bool = False,
     states: list[Answerer] | None = None,
 ) -> Held:
-    """Answer every query, or every sequence of queries, and hold the answers against the truth.
+    """Answer every query, or every sequence of queries, and compare the answers with the truth.
 
     Args:
         matcher: Name of the decoder or other matcher whose scores these are.
@@ -369,12 +369,12 @@ def hold(
 
 
 class Followed(NamedTuple):
-    """What a forward filter makes of queries in driving order.
+    """The answers of a forward filter to queries in driving order.
 
     Attributes:
         answers: Its answers.
         filtered: Its figures, each query seen with those before it.
-        smoothed: The same with later queries seen, too (forward-backward).
+        smoothed: The same, using later queries, too (forward-backward).
     """
 
     answers: Answers
@@ -387,7 +387,7 @@ def follow(
 ) -> Followed:
     """Follow queries in driving order, forward, and then back from the last one.
 
-    On the way back each block's beliefs are worked out again, so that those of one block at a time are there.
+    On the way back each block's beliefs are computed again, so that memory holds those of one block at a time.
 
     Args:
         matcher, scores, truth, together, moving: As in `hold`; ``together`` has a motion.

@@ -1,17 +1,17 @@
-"""Decoders: what turns the spike counts of a query into scores of places, one row each.
+"""Decoders turn the spike counts of a query into scores of places; each is a row.
 
 A decoder sees the responses S^R (int, (n_exc, n_places): spikes of each neuron on the reference images of each place)
 and the spikes s of a query (int, (n_exc,)) and nothing else. `matching.equations` holds the paper's four decoders and
-the default, ``contrast``, as functions; the rows here say which function serves which variant, how sure an answer is,
-and what reports call the decoder. A new decoder is a function and a row: settings, commands, files and reports ask
+the default, ``contrast``, as functions; the rows here give the function of each variant, the confidence of an answer,
+and the decoder's title in reports. A new decoder is a function and a row: settings, commands, files and reports ask
 `DECODERS`.
 
-The paper's four mean what its release computes (variant ``vprsnn2022``) in every command, table and preset; the other
-variants are for who asks for them by name. `matching.equations` says what they are.
+In every command, table and preset the paper's four are what its release computes (variant ``vprsnn2022``); other
+variants are chosen by name. `matching.equations` describes them.
 
-Matchers that are no decoders have rows in `MATCHERS`; `confidence` asks those of either sort by name how sure they are.
-A query without any score (no spike, or none that tells places apart) matches no place: `best` is -1, and its confidence
-is -inf. Equal scores go to the lowest place.
+Matchers that are not decoders have rows in `MATCHERS`; `confidence` takes the name of either kind. A query without any
+score (no spike, or none that distinguishes places) matches no place: `best` is -1, and its confidence is -inf. Equal
+scores go to the lowest place.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ class Matcher:
     """Something that scores the places for a query.
 
     Attributes:
-        name: How options, settings and files call it.
-        title: How reports call it.
-        confidence: The function of this module that says how sure its best match is.
+        name: Its name in options, settings and files.
+        title: Its name in reports.
+        confidence: The function of this module that gives the confidence of its best match.
     """
 
     name: str
@@ -47,7 +47,8 @@ class Matcher:
     confidence: Confidence
 
     def confidences(self, scores: Scores) -> Scores:
-        """How sure each query's best match is; higher is surer, and only the order within one matcher means anything.
+        """The confidence of each query's best match; higher is surer, and only the order within one matcher has a
+        meaning.
 
         Args:
             scores: Scores (n_queries, n_places).
@@ -80,7 +81,7 @@ def margin(scores: Scores) -> Scores:
 
 
 def contrast(scores: Scores) -> Scores:
-    """The margin over sqrt(best + second + 1): the difference of two counts over the deviation it has by chance."""
+    """The margin over sqrt(best + second + 1): the difference of two counts over its standard deviation by chance."""
     first, second = _top_two(scores)
     return (first - second) / np.sqrt(first + second + 1.0)
 
@@ -95,7 +96,7 @@ def _top_two(scores: Scores) -> tuple[Scores, Scores]:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """How the equations are read.
+    """The reading of the equations.
 
     Attributes:
         variant: Which form of the paper's four decoders.
@@ -112,7 +113,7 @@ ScoreFunction = Callable[[Counts, Reading], ScoresOf]
 
 @dataclass(frozen=True)
 class Decoder(Matcher):
-    """A decoder: its score function in every variant, and what its answers are worth.
+    """A decoder: its score function in every variant, and the confidence of its answers.
 
     Attributes:
         scores: The score function of every variant. Each row of scores, at least 0, depends on that query alone, bit
@@ -212,7 +213,7 @@ def prepare(
     variant: Variant = RELEASED,
     gamma: float = 0.02,
 ) -> ScoresOf:
-    """`decode` for query after query: what ``responses`` say is worked out once.
+    """Prepare `decode` for many queries: the part that depends on ``responses`` alone is computed once.
 
     Raises:
         ConfigError, InputError: as `decode`, and what is returned, too.
@@ -237,7 +238,7 @@ for _matcher in (
 
 
 def confidence(name: str, scores: Scores) -> Scores:
-    """How sure the matcher called ``name`` is of each query's best match; see `Matcher.confidences`.
+    """The confidence of the matcher ``name`` in each query's best match; see `Matcher.confidences`.
 
     Args:
         name: A decoder in `DECODERS`, or a matcher in `MATCHERS`.

@@ -1,19 +1,19 @@
 """From spike counts to place scores: neuronal assignments and the equations of the decoders.
 
 The functions see the responses S^R (int, (n_exc, n_places): spikes of each neuron on the reference images of each
-place) and the spikes s of a query (int, (n_exc,)) and nothing else. A decoder's function works out once what the
-responses say, and returns the function of queries' spikes. Source of the paper's four: Hussaini, Milford,
+place) and the spikes s of a query (int, (n_exc,)) and nothing else. A decoder's function computes the part that depends
+on the responses once, and returns the function of queries' spikes. Source of the paper's four: Hussaini, Milford,
 Fischer, RA-L 2022 (doi 10.1109/LRA.2022.3149030), equations (4) to (9), and its released code.
 
 A decoder of that name is, everywhere, what the release of the paper computes: variant ``vprsnn2022``, the default.
 ``vprsnn`` is the later head of that code; it counts a neuron as involved in many places from gamma on, not above it.
-``printed`` is this project's own reading of the equations as they stand in the paper, to compare with: no figure of the
-paper was made by it, and its probabilities rank right before wrong badly where each place has one neuron, because the
-best score is then about one over the spikes of a query and says nothing of the match. How ``printed`` reads them:
+``printed`` is this project's own reading of the equations as printed in the paper, for comparison: no figure of the
+paper was made with it, and its probabilities separate right from wrong answers badly where each place has one neuron,
+because the best score is then about one over the spikes of a query, whatever the match. How ``printed`` reads them:
 
 * (4) ``N_i = argmax_l S^R[i, l]``; equal counts go to the lowest label; a neuron silent on all references gets none.
 * (5) the score of l is the sum of s over M_l, the neurons assigned to l. (The released code takes their mean.)
-* (6) omega_i, printed as ``card({i | N_i in M_l})``, is what the text calls it: the number of labels with a spike of i.
+* (6) omega_i, printed as ``card({i | N_i in M_l})``, is what the text says: the number of labels with a spike of i.
 * (7) as printed. The sum that turns it into a label's score is not printed: all neurons count here. (The released code
   takes neurons with more than 0.1 of their spikes at l, and only labels that are some neuron's first.)
 * (8) is printed over labels, where it would be 1 for every neuron that fires. The text sums over the neurons that
@@ -85,7 +85,7 @@ def _check_spikes(spikes: Counts, n_exc: int) -> None:
 
 
 def check_variant(variant: str) -> None:
-    """Refuse a variant that is none of `VARIANTS`."""
+    """Refuse a variant that is not in `VARIANTS`."""
     if variant not in VARIANTS:
         raise ConfigError(f"decoder variant {variant!r} is unknown; choose from {', '.join(VARIANTS)}")
 
@@ -266,7 +266,7 @@ def _penalties(learned: Pairs, shape: tuple[int, ...]) -> ScoresOf:
 
 
 def contrast(responses: Counts) -> ScoresOf:
-    """The default decoder: each spike is shared among the places as its neuron's reference spikes were.
+    """The default decoder: each spike is shared among the places in proportion to its neuron's reference spikes.
 
     ``score[l] = sum_i s_i S^R[i, l] / sum_m S^R[i, m]``, equation (7) alone; a neuron silent on all references counts
     nothing. Its confidence (`decoders.contrast`) is the contrast of best and second. Scores are at least 0, in spikes.

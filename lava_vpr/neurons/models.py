@@ -1,7 +1,7 @@
-"""Neuron models: what excitatory neurons make of their drive, step by step, and what runs them.
+"""Neuron models: the step-by-step dynamics of excitatory neurons, and the backends that run them.
 
-A row says it of one model. The `LIF` model of Loihi is `lif` here, its definition, and runs compiled; the conductance
-model of preset ``paper`` has settings and an engine of its own (`lava_vpr.engine.conductance`). A package brings others
+Each row is one model. The `LIF` model of Loihi is `lif` here, its definition, and runs compiled; the conductance model
+of preset ``paper`` has separate settings and a separate engine (`lava_vpr.engine.conductance`). A package adds others
 by its entry points (docs/plugins.md): a function of one step, with which the host counts spikes.
 """
 
@@ -21,7 +21,7 @@ from lava_vpr.rows.registry import Registry
 
 
 class NeuronConstants(NamedTuple):
-    """What all neurons of a network share: the ``threshold`` in units of v, the ``decay`` of v in 2^-12 a step."""
+    """Constants of all neurons of a network: the ``threshold`` in units of v, the ``decay`` of v in 2^-12 a step."""
 
     threshold: int
     decay: int
@@ -35,7 +35,7 @@ Step = Callable[[NeuronConstants, State, NDArray[np.int64]], tuple[State, NDArra
 
 
 def decayed(value: State, decay: int) -> State:
-    """``value``, any shape, less a share of ``decay`` 2^-12, rounded towards 0 as the chip does."""
+    """``value``, any shape, minus a share of ``decay`` 2^-12, rounded towards 0 as the chip does."""
     return np.sign(value) * (np.abs(value) * (DECAY_UNITY - decay) >> DECAY_BITS)
 
 
@@ -50,13 +50,12 @@ def lif(constants: NeuronConstants, state: State, drive: NDArray[np.int64]) -> t
 class NeuronModel:
     """A model of the excitatory neurons, as ``network.model`` in the settings chooses it.
 
-    Weights, threshold, decay, inhibition and biases are made as those of LIF are, and learning rules learn with neurons
-    of their own.
+    Weights, threshold, decay, inhibition and biases are made as for LIF, and learning rules use their own neurons.
 
     Attributes:
         name: What the setting says.
         title: The model in words, for people.
-        step: What the neurons do in a step; None: the model has an engine and settings of its own.
+        step: One step of the neurons; None: the model has a separate engine and settings.
         states: Whole numbers that each neuron keeps from step to step.
         backends: The backends that run it; None: all of them, and boards and other formats have it, too.
     """
@@ -68,13 +67,13 @@ class NeuronModel:
     backends: tuple[str, ...] | None = ("host",)
 
     def check(self, what: str, path: Path | None = None) -> None:
-        """Refuse ``what``, a backend or something else that is to run these neurons, if it has no such ones.
+        """Refuse ``what``, a backend or another target, if it cannot run these neurons.
 
         Args:
             what: Its name; the message begins with it.
             path: The file of the model, if it is known.
         Raises:
-            ConfigError: it has not.
+            ConfigError: it cannot.
         """
         if self.backends is not None and what not in self.backends:
             raise self.refusal(what, path)
