@@ -241,6 +241,17 @@ def _unseen(by: int, note: str) -> None:
     """Move no bar."""
 
 
+def epochs_done(done: dict[int, int], epochs: int, stretches: int) -> str:
+    """Of so many ``stretches``, how many have all their ``epochs``, and ``done``, the epochs of each that has begun, of
+    a few of the others; in a line."""
+    begun = [f"stretch {k + 1}: {epoch} of {epochs}" for k, epoch in sorted(done.items()) if epoch < epochs]
+    named = ", ".join(begun[:3]) + (f" and {len(begun) - 3} more" if len(begun) > 3 else "")
+    finished = f"stretches finished: {len(done) - len(begun)} of {stretches}"
+    return "; ".join(
+        [*([f"epochs done: {named}"] if begun else []), *([finished] if stretches > 1 or not begun else [])]
+    )
+
+
 @dataclass(frozen=True)
 class Monitor:
     """What follows a training; each part shows nothing unless it is given.
@@ -317,7 +328,6 @@ def learning_bar(
         def resumed(done: dict[int, int]) -> None:
             before = sum(presentations(config, stretches[k].places, traverses, epoch) for k, epoch in done.items())
             advance(before // views, "")
-            finished = ", ".join(f"stretch {k + 1}: {epoch} of {epochs}" for k, epoch in sorted(done.items()))
-            monitor.line(f"resuming from {shown(checkpoint or '')}; epochs done: {finished}")
+            monitor.line(f"resuming from {shown(checkpoint or '')}; {epochs_done(done, epochs, len(stretches))}")
 
         yield LearningBar(show, resumed)

@@ -23,7 +23,7 @@ from lava_vpr.model import Model, integer_model
 from lava_vpr.storage import container
 from lava_vpr.training.loop import check_size, presentations, split, train
 from lava_vpr.training.measuring import coverage, reference_responses
-from lava_vpr.training.stretches import Progress
+from lava_vpr.training.stretches import Progress, epochs_done
 
 
 class KilledError(Exception):
@@ -114,6 +114,15 @@ def test_a_checkpoint_holds_whole_epochs_of_every_stretch(tmp_path: Path) -> Non
     header, arrays = container.load(checkpoint, "checkpoint")
     assert header["epochs"] == {"0": 5, "1": 1}
     assert set(arrays) == {"0.weights", "0.theta", "1.weights", "1.theta"}
+
+
+def test_what_was_done_before_is_one_short_line() -> None:
+    assert epochs_done({0: 3}, 6, 1) == "epochs done: stretch 1: 3 of 6"
+    assert epochs_done({0: 6}, 6, 1) == "stretches finished: 1 of 1"
+    some = {0: 6, 2: 1, 1: 6, 3: 2}
+    assert epochs_done(some, 6, 40) == "epochs done: stretch 3: 1 of 6, stretch 4: 2 of 6; stretches finished: 2 of 40"
+    many = epochs_done(dict.fromkeys(range(200), 2), 6, 400)
+    assert many.endswith("stretch 3: 2 of 6 and 197 more; stretches finished: 0 of 400")
 
 
 def test_no_checkpoint_is_left_before_the_first_epoch(tmp_path: Path) -> None:
