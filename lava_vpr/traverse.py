@@ -236,7 +236,7 @@ def readable(traverses: Sequence[Traverse], positions: Sequence[object] = ()) ->
         InputError: none of the images can be read.
     """
     photos = [*map(in_photos, positions), *(False for _ in traverses)]
-    found = [_unreadable(traverse, asked) for traverse, asked in zip(traverses, photos, strict=False)]
+    found = [unreadable(traverse, asked) for traverse, asked in zip(traverses, photos, strict=False)]
     in_step = len({len(traverse) for traverse in traverses}) == 1
     skipped = set().union(*found) if in_step else set[int]()
     kept = []
@@ -256,7 +256,7 @@ def readable(traverses: Sequence[Traverse], positions: Sequence[object] = ()) ->
     return kept
 
 
-def _unreadable(traverse: Traverse, photos: bool) -> dict[int, UnreadableError]:
+def unreadable(traverse: Traverse, photos: bool = False) -> dict[int, UnreadableError]:
     """Why images cannot be read, by their numbers within ``traverse``; or, of ``photos``, are without a position."""
     found: dict[int, UnreadableError] = {}
     for number in range(len(traverse) if traverse.frames is None else 0):

@@ -46,6 +46,16 @@ def test_without_the_option_the_first_unreadable_image_names_it(place: Path) -> 
     assert SKIP not in fails("verify", "m.lvpr", "query")  # it has no such option
 
 
+def test_images_of_equal_numbers_that_are_skipped_in_both_folders_are_counted(place: Path) -> None:
+    damage("ref/img3.png")
+    damage("query/img3.png")
+    run("train", "ref", *TRAIN, SKIP)
+    said = run("eval", "n.lvpr", "query", SKIP).stderr
+    many = len(list(Path("query").iterdir()))
+    told = "images cannot be read and are skipped: 3 (img3.png); the model has no places of these numbers"
+    assert f"note: query: 1 of {many} {told}\n" in said
+
+
 def test_skipped_images_are_counted_and_the_others_keep_their_numbers(place: Path) -> None:
     damage("ref/img1.png")
     damage("query/img4.png")
