@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import inspect
 import math
+import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -22,7 +24,7 @@ from lava_vpr.cli.show.headings import ACCEPTED, TOGETHER, several, under
 from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.encoding import EncodedTraverse, Framing, Keep, encode_views
 from lava_vpr.engine.presentations import cores
-from lava_vpr.errors import brief, harmless
+from lava_vpr.errors import InputError, brief, harmless, shown
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.views import View
 from lava_vpr.kernelcache import COMPILING, COMPILING_TEXT
@@ -38,8 +40,6 @@ if TYPE_CHECKING:
     from rich.status import Status
 
     from lava_vpr.show.table import Table
-
-F = TypeVar("F", bound=Callable[..., Any])
 
 
 class Parsed(click.ParamType):
@@ -194,7 +194,18 @@ def setting_type(section: type, name: str, least: int | None = None) -> click.In
 
 
 seed_type = setting_type(Config, "seed")
-PATH = click.Path(path_type=Path, readable=False)  # unreadable input is reported with exit code 1, as all data
+
+
+class FilePath(click.Path):
+    """A path; an address of the web is none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, str) and re.match("[A-Za-z][A-Za-z0-9+.-]+://", value) and not os.path.lexists(value):
+            raise InputError(f"{shown(value)}: nothing is fetched from a network; download it first")
+        return super().convert(value, param, ctx)
+
+
+PATH = FilePath(path_type=Path, readable=False)  # unreadable input is reported with exit code 1, as all data
 
 
 class PlainConsole(Console):
@@ -374,11 +385,6 @@ def print_whole(table: Table | str) -> None:
     made = table.terminal()
     width = Measurement.get(console, console.options.update(width=200), made).maximum
     PlainConsole(width=max(console.width, width)).print(made, crop=False)
-
-
-def counted(images: int) -> str:
-    """How many images, in words."""
-    return "1 image" if images == 1 else f"{images} images"
 
 
 def print_reasons(reasons: Mapping[str, str | None]) -> None:

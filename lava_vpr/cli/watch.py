@@ -16,7 +16,6 @@ from lava_vpr.backends.asking import MODELS, Asking
 from lava_vpr.cli.common import (
     PATH,
     Parsed,
-    counted,
     motion_option,
     off_map_option,
     precision_option,
@@ -30,6 +29,7 @@ from lava_vpr.cli.show.matches import Notes
 from lava_vpr.errors import InputError, brief
 from lava_vpr.localizer import Localizer
 from lava_vpr.readers import open_source
+from lava_vpr.show.numbers import counted
 from lava_vpr.storage.tables import json_line
 from lava_vpr.watch.watching import PORT, Recent, live_page, watch as watch_images
 
@@ -135,7 +135,9 @@ def _refuse(recent: Recent, index: int, why: InputError) -> None:
 def _sum_up(recent: Recent, *, stays: bool) -> None:
     """Tell what became of the images; where the page ``stays``, let it be looked at until Ctrl-C."""
     said = recent.said
-    stderr.print(f"note: {counted(said['answered'])}, {said['recognised']} accepted, {said['refused']} left out")
+    stderr.print(
+        f"note: {counted(said['answered'], 'image')}, {said['recognised']} accepted, {said['refused']} left out"
+    )
     if recent.unfollowed.said is not None:
         stderr.print(f"warning: {recent.unfollowed.said}")
     if stays:

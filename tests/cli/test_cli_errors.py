@@ -101,6 +101,11 @@ DATA: list[tuple[dict[str, bytes | str | None], str, str]] = [
         "eval m.lvpr https://a.org/b",
         "https://a.org/b: nothing is fetched from a network; download it first",
     ),
+    (
+        {},
+        "query http://a.org/m.lvpr query",
+        "http://a.org/m.lvpr: nothing is fetched from a network; download it first",
+    ),
     ({}, "query m.lvpr 0", "0: cannot be opened (No such file or directory); check the path; a camera is camera:0"),
     (
         {"query/img9.png": PICTURE},

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends.answering import Answered
-from lava_vpr.cli import common
 from lava_vpr.cli.common import PATH, console, noun, stage
 from lava_vpr.cli.outputs import Outputs, command_line, file_writer, text_writer, write_stdout
 from lava_vpr.cli.show.headings import OUTPUT, under
@@ -234,7 +233,7 @@ class Writing:
         if self.lines:
             return
         where_to = "" if self.file is None else f": {shown(self.file)}"
-        console.print(f"{common.counted(images)}, {accepted} accepted{where_to}")
+        console.print(f"{counted(images, 'image')}, {accepted} accepted{where_to}")
         if self.page is not None:
             console.print(f"report: {shown(self.page)}")
 
