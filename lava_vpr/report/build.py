@@ -192,12 +192,12 @@ def _rasters(model: Model, queries: EncodedTraverse, result: Recognition, seed: 
         if not np.array_equal(counts[0], result.counts[query]):
             continue  # counted by another backend that does not spike the same (a float one): show nothing false
         steps, neurons = np.nonzero(film[0])
-        true = np.flatnonzero(result.truth[query])
+        true, place = np.flatnonzero(result.truth[query]), int(result.matches[query])
         rasters.append(
             Raster(
                 query=int(query),
-                place=int(result.matches[query]),
-                true_place=int(true[0]) if len(true) else None,
+                place=place,
+                true_place=int(true[np.abs(true - place).argmin()]) if len(true) else None,
                 steps=film.shape[1],
                 neurons=model.neurons,
                 spike_steps=steps,

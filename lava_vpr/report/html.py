@@ -110,6 +110,7 @@ def _payload(data: ReportData, sheets: dict[str, Any]) -> str:
         "places": [f"{data.place_numbers[k]} · {plain(n)}" for k, n in enumerate(data.place_names)],
         "match": [int(m) for m in data.matches],
         "truth": [sections.true_place(data, q) for q in range(len(data.query_names))],
+        "role": [sections.true_role(data, q) for q in range(len(data.query_names))],
         "right": [bool(r) for r in correct],
         "confidence": [f"{c:.3g}" for c in data.confidence.tolist()],
         "first": int(wrong[np.argmax(np.nan_to_num(data.confidence[wrong], nan=-np.inf))]) if len(wrong) else 0,

@@ -20,9 +20,18 @@ _THUMBNAIL = 320
 
 
 def true_place(data: ReportData, query: int) -> int:
-    """The middle one of the query's true places, -1 if it has none."""
-    places = np.flatnonzero(data.truth[query])
-    return int(places[len(places) // 2]) if len(places) else -1
+    """The query's true place that is nearest to its match, or the middle one if it has no match; -1: it has none."""
+    places, match = np.flatnonzero(data.truth[query]), data.matches[query]
+    if not len(places):
+        return -1
+    return int(places[len(places) // 2 if match < 0 else np.abs(places - match).argmin()])
+
+
+def true_role(data: ReportData, query: int) -> str:
+    """What `true_place` is to the query: its only one, or which of several."""
+    places = int(data.truth[query].sum())
+    which = "the middle one" if data.matches[query] < 0 else "the nearest"
+    return "True place" if places <= 1 else f"True place, {which} of {places}"
 
 
 def correct_queries(data: ReportData) -> NDArray[np.bool_]:
@@ -68,19 +77,19 @@ def _pictures(data: ReportData, query: int, place: int) -> str:
     pictures = _query_figure(data, query) + _place_figure(data, place, "Matched place")
     if place >= 0 and data.truth[query, place]:
         return f'<div class="duo">{pictures}</div>'
-    return f'<div class="trio">{pictures}{_place_figure(data, true_place(data, query), "True place")}</div>'
+    return f'<div class="trio">{pictures}{_place_figure(data, true_place(data, query), true_role(data, query))}</div>'
 
 
 def _verdict(data: ReportData, query: int, place: int) -> tuple[str, str]:
     """CSS class and words for the match of ``query`` with ``place``."""
     if place < 0:
         return "", "no match"
-    places = np.flatnonzero(data.truth[query])
     if data.truth[query, place]:
         return "right", "✓ right"
-    if not len(places):
+    true = true_place(data, query)
+    if true < 0:
         return "wrong", "✗ wrong, has no true place"
-    return "wrong", f"✗ wrong by {counted(int(np.abs(places - place).min()), 'place')}"
+    return "wrong", f"✗ wrong by {counted(abs(true - place), 'place')}"
 
 
 def _route_drawing(data: ReportData, correct: NDArray[np.bool_]) -> str:

@@ -27,6 +27,7 @@ from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.matching.evaluation import Metrics, evaluate
 from lava_vpr.report.data import MapData, Raster, ReportData
 from lava_vpr.report.html import page
+from lava_vpr.report.sections import true_place, true_role
 from lava_vpr.show.page import write_page
 from lava_vpr.show.svg import THEME
 
@@ -191,6 +192,18 @@ def test_nothing_comes_from_outside_and_everything_is_described(text: str) -> No
     assert not [name for name, colour in THEME.items() if colour in text]
     assert "<metadata" not in text
     assert "var(--c0)" in text
+
+
+def test_of_several_true_places_the_nearest_is_shown_and_counted() -> None:
+    truth = np.eye(12, dtype=np.bool_)
+    truth[WRONG, WRONG - 1 : WRONG + 2] = truth[REJECTED, REJECTED - 1 : REJECTED + 2] = True
+    data = example(truth=truth)
+    assert [true_place(data, query) for query in (0, WRONG, REJECTED)] == [0, WRONG - 1, REJECTED]
+    roles = ["True place", "True place, the nearest of 3", "True place, the middle one of 3"]
+    assert [true_role(data, query) for query in (0, WRONG, REJECTED)] == roles
+    text = page(data)
+    assert "✗ wrong by 2 places" in text
+    assert f"<figcaption>{roles[1]}<br>{WRONG - 1} · r{WRONG - 1:03}.png</figcaption>" in text
 
 
 def test_figures_and_sentences(text: str) -> None:

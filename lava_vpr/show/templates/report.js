@@ -61,10 +61,10 @@
     sprite(one("#browse-truth"), data.placeSheet, truth);
     one("#browse-query-name").textContent = "Query " + names(query, data.queries);
     one("#browse-match-name").textContent = "Matched place " + names(match, data.places);
-    one("#browse-truth-name").textContent = "True place " + names(truth, data.places);
+    one("#browse-truth-name").textContent = data.role[query] + " " + names(truth, data.places);
     one("#browse-query").setAttribute("aria-label", "Query " + names(query, data.queries));
     one("#browse-match").setAttribute("aria-label", "Matched place " + names(match, data.places));
-    one("#browse-truth").setAttribute("aria-label", "True place " + names(truth, data.places));
+    one("#browse-truth").setAttribute("aria-label", data.role[query] + " " + names(truth, data.places));
     const text = one("#browse-verdict");
     text.className = "verdict " + (verdict === "no match" ? "" : verdict);
     text.textContent = verdict + (match < 0 ? "" : ", confidence " + data.confidence[query]);
