@@ -49,7 +49,7 @@ from lava_vpr.errors import InputError, shown
 from lava_vpr.matches import Unfollowed, matches_of
 from lava_vpr.matching.answers import Answers, Together, accepted, least_probability, sure
 from lava_vpr.matching.forward_filter import NONE
-from lava_vpr.matching.probability import Calibration
+from lava_vpr.matching.probability import ASSUMED, HALF, Calibration
 from lava_vpr.matching.sequences import Pace
 from lava_vpr.model import Model
 from lava_vpr.traverse import Traverse, open_traverse, readable
@@ -79,6 +79,11 @@ class Accepting:
     def __post_init__(self) -> None:
         if self.confidence is not None and math.isnan(self.confidence):
             raise click.UsageError("--min-confidence is not a number")
+
+    @property
+    def trusting(self) -> bool:
+        """Whether more matches than by default are accepted, since fewer of the images are taken to be off the map."""
+        return self.confidence is None and self.off_map < HALF
 
     def least(self, together: Together) -> float:
         """The probability from which on a match is accepted; NaN where none is known, or that is not what decides."""
@@ -165,12 +170,14 @@ def query(
         how = partial(answer, threads=cores(), pace=pace, keep=writing.keep)
         stream = _noted(how(at_once=writing.lines, read=read, advance=advance), model, learning)
         accepted = _write(model, traverse, stream, table, together, writing, accepting)
-    _warn(pace, sequence)
+    _warn(pace, sequence, accepting.trusting and accepted > 0)
     writing.conclude(len(traverse), accepted)
 
 
-def _warn(pace: Pace | None, sequence: int) -> None:
-    """Say why sequences do not suit the queries, if they do not."""
+def _warn(pace: Pace | None, sequence: int, trusting: bool) -> None:
+    """Say why sequences do not suit the queries, if they do not; and what is assumed of those that are accepted."""
+    if trusting:
+        stderr.print(f"note: {ASSUMED}")
     if pace is not None and (contradiction := pace.contradiction(sequence)) is not None:
         stderr.print(f"warning: {contradiction}")
 

@@ -27,6 +27,11 @@ RIGHT, WRONG, OFF_MAP, VARIED_RIGHT, VARIED_WRONG = KINDS = (1.0, 0.0, -1.0, 3.0
 varied one matched by its place or by another."""
 PRECISION = 0.95
 """The share of accepted matches that shall be right, unless another is asked for."""
+ASSUMED = (
+    "Probabilities assume the camera and viewpoint of the references, and the share off the map that was given: where "
+    "these differ, more of the accepted may be wrong."
+)
+"""What the calibration knows nothing of, and takes for granted."""
 HALF = 0.5
 """The share of the queries that is taken to be off the map, unless another is said."""
 _ROUNDS, _RIDGE, _LEAST = 50, 1e-3, 1e-12

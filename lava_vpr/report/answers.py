@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.matching.probability import ASSUMED
 from lava_vpr.report import layers, season
 from lava_vpr.report.data import MapData
 from lava_vpr.report.layers import Layers
@@ -97,7 +98,7 @@ def _header(data: AnswersData) -> str:
     said = ""
     if math.isfinite(data.least):
         but = f", but for {counted(data.refused, 'doubtful image')}" if data.refused else ""
-        said = f"Matches of a probability of {100 * data.least:.1f} % or more are accepted{but}."
+        said = f"Matches of a probability of {100 * data.least:.1f} % or more are accepted{but}. {ASSUMED}"
     elif math.isinf(data.least):
         said = "No probability is high enough for the precision that was asked for."
     elif not data.probable:
