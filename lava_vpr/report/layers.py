@@ -201,7 +201,7 @@ def _raster(axes: Axes, found: Layers) -> None:
         axes.text(spec.steps, middle, f"{int(film.sum()):,}", va="center", **small)
         top += _ROWS[name] + _GAP
     begins = {
-        "pixels, the brightest first": spec.window,
+        "pixels" if spec.window else "pixels, the brightest first": spec.window,
         "the race, the strongest edges first": spec.window + spec.levels,
     }
     for words, begin in (begins | ({"events arrive": 0} if spec.window else {})).items():
