@@ -36,7 +36,7 @@ HOST_TABLES = {"injection": 4, "inputs": 3, "exc": 3, "counters": 3, "inh": 3}
 """The host's tables, and how many columns each has."""
 
 HOST_TABLE = "host/{}.npy"
-_CORE = re.compile(rf"{CORES}/chip(\d)-core(\d{{3}})")
+_CORE = re.compile(r"chip(\d)-core(\d{3})")
 _CORE_FILES = {"registers.json", *(f"{name}.npy" for name in CORE_ARRAYS)}
 _MOST = (1 << 31) - 1
 _RANGES = {"inputs": (1, _MOST), "neurons": (1, _MOST), "bits": (1, WEIGHT_BITS), "steps": (1, 100_000)}
@@ -75,27 +75,32 @@ def network_files(plan: Plan) -> dict[str, bytes]:
 
 def files_of(images: Iterable[CoreImage], tables: HostTables) -> dict[str, bytes]:
     """Files of a bundle that hold the content of all cores, and where spikes go in and out of them, by name."""
+    return image_files(images) | {HOST_TABLE.format(name): array_bytes(getattr(tables, name)) for name in HOST_TABLES}
+
+
+def image_files(images: Iterable[CoreImage], cores: str = CORES) -> dict[str, bytes]:
+    """Files of a bundle that hold the content of cores, in the folder ``cores``, by name."""
     files = {}
     for image in images:
-        folder = f"{CORES}/chip{image.chip}-core{image.core:03d}"
+        folder = f"{cores}/chip{image.chip}-core{image.core:03d}"
         files[f"{folder}/registers.json"] = json_bytes(image.registers)
         for name in CORE_ARRAYS:
             files[f"{folder}/{name}.npy"] = array_bytes(getattr(image, name))
-    return files | {HOST_TABLE.format(name): array_bytes(getattr(tables, name)) for name in HOST_TABLES}
+    return files
 
 
-def core_images(bundle: ReadBundle) -> tuple[CoreImage, ...]:
-    """Every core of a bundle, by chip and core.
+def core_images(bundle: ReadBundle, cores: str = CORES) -> tuple[CoreImage, ...]:
+    """Every core in the folder ``cores`` of a bundle, by chip and core.
 
     Raises:
         BundleError: a file is missing, too much or of the wrong kind.
     """
     board, images = BOARDS[bundle.target], []
     folders: defaultdict[str, set[str]] = defaultdict(set)
-    for folder, _, file in (name.rpartition("/") for name in bundle.files if name.startswith(f"{CORES}/")):
+    for folder, _, file in (name.rpartition("/") for name in bundle.files if name.startswith(f"{cores}/")):
         folders[folder].add(file)
     for folder, files in sorted(folders.items()):
-        known = _CORE.fullmatch(folder)
+        known = _CORE.fullmatch(folder.removeprefix(f"{cores}/"))
         chip, core = (int(known[1]), int(known[2])) if known is not None else (board.chips, board.cores)
         if chip >= board.chips or core >= board.cores or files != _CORE_FILES:
             raise BundleError(f"{bundle.at(folder)}: is no core of {board.title}, or lacks files; {AGAIN}")

@@ -14,6 +14,7 @@ from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.folder import ReadBundle, json_bytes
+from lava_vpr.deploy.bundle.front_end import FRONT_END, front_end_files
 from lava_vpr.deploy.bundle.gains import FACTS, facts, gain_files
 from lava_vpr.deploy.bundle.readme import readme
 from lava_vpr.deploy.bundle.references import reference_files
@@ -79,9 +80,16 @@ def contents(
     if gains is not None:
         files |= gain_files(gains, model)
         manifest[FACTS] = facts(gains, model)
+    taken = [(core.chip, core.core) for core in plan.cores]
+    spec = model.config.encoder.front_end if target.holds_front_end else None
+    front_end, placed = front_end_files(spec, board, taken)
+    files |= front_end
+    if placed is not None:
+        manifest[FRONT_END] = placed
     files["mapping.json"] = json_bytes(mapping(plan))
-    rows, gained = unproven(plan, learning=learning), gains is not None
-    files["README.md"] = readme(model, plan, target.guide, target.parts, rows, learning=learning, gained=gained)
+    has = {"learning": learning, "gained": gains is not None, "front_end": placed is not None}
+    rows = unproven(plan, learning=learning)
+    files["README.md"] = readme(model, plan, target.guide, target.parts, rows, **has)
     if picture:
         from lava_vpr.deploy.show.drawing import draw  # matplotlib takes a second to import
 

@@ -94,6 +94,10 @@ _GAINED = """\
 - `host/gains.lvpg`: what the queries of a drive are presented with, gains of inputs and biases of neurons. With
   `Q/activity.npy` alone, the activity of the same images in order, float32 (n, inputs), `--queries Q` does so.
 """
+_FRONT_END = """\
+- `front_end/cores/`, `front_end/host/`: the spiking front end, in the same formats, on cores of its own: pixels'
+  biases are written once an image. `program/run.py` runs the place network only; lava-vpr's backend `bundle` runs both.
+"""
 _INJECTED = "{} trains, injected spike by spike"
 _BIAS = "integrated by input compartments from a bias written once a query"
 
@@ -107,6 +111,7 @@ def readme(
     *,
     learning: bool = False,
     gained: bool = False,
+    front_end: bool = False,
 ) -> bytes:
     """What the folder is and how to run it.
 
@@ -118,6 +123,7 @@ def readme(
         unproven: The rows of the table of hardware that it rests on and no public source shows.
         learning: Whether the bundle also holds the network that learns.
         gained: Whether it also holds the gains and biases of a drive's queries.
+        front_end: Whether it also holds the spiking front end.
     """
     network = plan.network
     text = _TEXT.format(
@@ -135,7 +141,7 @@ def readme(
         time=textwrap.fill(modelled_time(plan), 110),
         way=_BIAS if network.bias_input else _INJECTED.format("regular" if network.regular else "Poisson"),
         programs=guide,
-        parts=parts + _LEARNING * learning + _GAINED * gained,
+        parts=parts + _LEARNING * learning + _GAINED * gained + _FRONT_END * front_end,
         unproven="\n".join(f"- {row.name}: if it is wrong, {row.breaks}" for row in unproven),
     )
     return text.encode()

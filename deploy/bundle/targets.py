@@ -20,6 +20,7 @@ from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle import core_files, folder as bundle_folder, loihi2, readme
 from lava_vpr.deploy.bundle.core_files import BundlePlayer, scalars
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle
+from lava_vpr.deploy.bundle.front_end import check_front_end
 from lava_vpr.deploy.bundle.gains import check_gains
 from lava_vpr.deploy.bundle.learning import SETTINGS, check_learning
 from lava_vpr.deploy.bundle.references import read_references, referenced
@@ -63,6 +64,7 @@ class Target:
         guide: How to run the program, for the README in the bundle.
         parts: What the network's files are, for the README in the bundle.
         learns: Whether a bundle can hold the network that learns.
+        holds_front_end: Whether a bundle can hold the spiking front end.
     """
 
     name: str
@@ -74,6 +76,7 @@ class Target:
     guide: str
     parts: str
     learns: bool
+    holds_front_end: bool
 
 
 TARGETS: Registry[Target] = Registry("target", BackendUnavailableError)
@@ -90,6 +93,7 @@ TARGETS.register(
         guide=readme.KAPOHO_BAY,
         parts=readme.CORES,
         learns=False,
+        holds_front_end=True,
     )
 )
 TARGETS.register(
@@ -103,6 +107,7 @@ TARGETS.register(
         guide=readme.LOIHI_2,
         parts=readme.NETWORK,
         learns=True,
+        holds_front_end=False,
     )
 )
 
@@ -145,6 +150,7 @@ def open_whole(path: Path) -> tuple[ReadBundle, Model]:
             raise BundleError(f"{whole_bundle.at(SETTINGS)}: is for a board that does not learn; {AGAIN}")
         check_learning(whole_bundle, model)
     check_gains(whole_bundle, model)
+    check_front_end(whole_bundle, model)
     return whole_bundle, replace(model, bundle=path)
 
 

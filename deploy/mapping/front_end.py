@@ -1,6 +1,6 @@
-"""Where the populations of the spiking front end could stand: on cores of their own, in rows that share no weights.
+"""Where the populations of the spiking front end stand: on cores of their own, in rows that share no weights.
 
-A board does not run them yet (docs/network.md): this counts what they take of its public limits. Each population
+No board's program runs them yet (docs/network.md): this counts what they take of its public limits. Each population
 stands on as few cores as hold its neurons in order, each core as many as compartments, input axons and synapse memory
 let. Rows are sparse: a synapse is a weight, its sign and an index. A weight of more bits is several synapses.
 """
@@ -23,6 +23,9 @@ from lava_vpr.inputs.front_end_network import event_synapses, synapses
 Integers = NDArray[np.int64]
 Rows = Mapping[tuple[str, str], csr_matrix]
 """Synapses (post, pre) by their source and target."""
+Ways = Sequence[tuple[str, str, csr_matrix]]
+"""Source, target and synapses (post, pre), as a core holds rows of them: a source can have several rows for a target.
+"""
 EVENTS = "events"
 """The source of synapses whose spikes come from a camera."""
 LIMITS = ("compartments", "axons in", "synapse memory")
@@ -103,10 +106,17 @@ class PlacedFrontEnd:
         }
 
 
-def placed(spec: FrontEnd, board: Board) -> PlacedFrontEnd:
-    """The front end on cores of ``board``, each population by itself."""
-    rows, most = stored_synapses(spec, board), dict.fromkeys(spec.populations, board.compartments)
-    to = {name: [each for (_, target), each in rows.items() if target == name] for name in most}
+def placed(spec: FrontEnd, board: Board, ways: Ways | None = None) -> PlacedFrontEnd:
+    """The front end on cores of ``board``, each population by itself.
+
+    Args:
+        spec: The front end.
+        board: The board.
+        ways: Synapses as they are stored; None: counted, a row for each source and target (`stored_synapses`).
+    """
+    rows = [(*way, row) for way, row in stored_synapses(spec, board).items()] if ways is None else ways
+    most = dict.fromkeys(spec.populations, board.compartments)
+    to = {name: [each for _, target, each in rows if target == name] for name in most}
     found = {name: _on_cores(board, size, most[name], to[name]) for name, size in spec.populations.items()}
     while True:
         axons = {name: _axons_out(name, rows, found) for name in found}
@@ -121,16 +131,21 @@ def placed(spec: FrontEnd, board: Board) -> PlacedFrontEnd:
     )
 
 
-def _axons_out(name: str, rows: Rows, found: Mapping[str, PlacedPopulation]) -> int:
+def _axons_out(name: str, rows: Ways, found: Mapping[str, PlacedPopulation]) -> int:
     """Most output axons of a core of a population: one of each neuron for each core that it sends to."""
-    sent = [on_cores(row, found[target].starts) for (source, target), row in rows.items() if source == name]
+    sent = [on_cores(row, found[target].starts) for source, target, row in rows if source == name]
     axons = sum(np.asarray(cores.astype(bool).sum(axis=0)).ravel() for cores in sent)
     return int(np.add.reduceat(axons, found[name].starts).max())
 
 
+def largest_weight(board: Board) -> int:
+    """The largest weight of a synapse, whose sign takes one of its bits unless a row has one sign."""
+    return (1 << (max(board.weight_bits) - (not board.memory.one_sign))) - 1
+
+
 def stored_synapses(spec: FrontEnd, board: Board) -> Rows:
     """Synapses as ``board`` stores them, by source and target, int32 (post, pre)."""
-    largest = (1 << (max(board.weight_bits) - (not board.memory.one_sign))) - 1
+    largest = largest_weight(board)
     found: dict[tuple[str, str], csr_matrix] = {(EVENTS, "pixels"): event_synapses(spec)} if spec.window else {}
     for each in synapses(spec):
         stored = abs(each.weights)

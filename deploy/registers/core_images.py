@@ -168,7 +168,9 @@ def _single(
     return replace(rows, compartments=compartments[targets].astype(np.int32))
 
 
-def _registers(network: FixedNetwork, names: Sequence[PopulationName], size: int, formats: list[Any]) -> dict[str, Any]:
+def _registers(
+    network: FixedNetwork, names: Sequence[PopulationName], size: int, formats: Sequence[SynapseFormat | None]
+) -> dict[str, Any]:
     """A core's registers: one profile and one threshold for each population on it."""
     of_population: dict[PopulationName, tuple[int, int]] = {  # decayV and threshold
         "exc": (network.decay, network.threshold),
@@ -176,20 +178,25 @@ def _registers(network: FixedNetwork, names: Sequence[PopulationName], size: int
         "inh": (NO_MEMORY_DECAY, RELAY_THRESHOLD),
         "inputs": (NO_MEMORY_DECAY, RELAY_THRESHOLD) if network.relayed else (0, biases.THRESHOLD),
     }
-    settings = [of_population[name] for name in names]
-    profiles = [
-        {
-            "decayU": NO_MEMORY_DECAY,
-            "decayV": decay,
-            "refractDelay": LEAST_REFRACTORY_STEPS,
-            "enableNoise": 0,
-            "bapAction": 1,
-        }
-        for decay, _ in settings
-    ]
+    return core_registers([(NO_MEMORY_DECAY, *of_population[name]) for name in names], size, formats)
+
+
+def core_registers(
+    profiles: Sequence[tuple[int, int, int]], size: int, formats: Sequence[SynapseFormat | None]
+) -> dict[str, Any]:
+    """The registers of a core of ``size`` compartments: of each profile decayU, decayV and threshold."""
     return {
-        "cxProfileCfg": profiles,
-        "vthProfileCfg": [{"vth": threshold} for _, threshold in settings],
+        "cxProfileCfg": [
+            {
+                "decayU": decay_u,
+                "decayV": decay_v,
+                "refractDelay": LEAST_REFRACTORY_STEPS,
+                "enableNoise": 0,
+                "bapAction": 1,
+            }
+            for decay_u, decay_v, _ in profiles
+        ],
+        "vthProfileCfg": [{"vth": threshold} for _, _, threshold in profiles],
         "synapseFmt": [None if form is None else form.registers for form in formats],
         "dendriteSharedCfg": {"posVmLimit": CEILING_EXPONENT_LIMIT, "negVmLimit": FLOOR_EXPONENT_LIMIT},
         "numUpdates": {"numUpdates": -(-size // UPDATE_GROUP), "numStdp": 0},

@@ -120,6 +120,61 @@ def _located(
     return starts[np.array([index[a, b] for a, b in named.tolist()], np.int64)[inverse.reshape(-1)]] + numbers
 
 
+class Wired(NamedTuple):
+    """Cores and their axons as the kernel takes them.
+
+    Attributes:
+        cores: Chip and core of each.
+        wiring: Their compartments, axons and rows.
+        threshold, bias: Of each compartment, in units of v, int64 (compartments,).
+    """
+
+    cores: Cores
+    wiring: Wiring
+    threshold: NDArray[np.int64]
+    bias: NDArray[np.int64]
+
+    @staticmethod
+    def of(images: Sequence[CoreImage]) -> Wired:
+        """What ``images`` hold.
+
+        Raises:
+            ModelFileError: the memory of a core is not what its synapse map says it is.
+        """
+        cores = tuple((image.chip, image.core) for image in images)
+        read = [_read(image) for image in images]
+        table = np.concatenate([core.table for core in read], axis=1)
+        return Wired(cores, _wire(images, read, table, cores), table[3], table[4])
+
+    def rested(self) -> State:
+        """All compartments at rest, with their own biases."""
+        u, v, sums, held = np.zeros((4, len(self.bias)), np.int64)
+        return State(u, v, sums, held, self.bias.copy())
+
+    def at(self, table: NDArray[np.int32]) -> NDArray[np.int64]:
+        """Where compartments, by chip, core and number (n, 3), are in all of them, int64 (n,)."""
+        return _located(table[:, :2], table[:, 2], self.wiring.first, self.cores)
+
+    def name(self, i: int) -> str:
+        """The name of a compartment in messages."""
+        k = int(np.searchsorted(self.wiring.first, i, side="right")) - 1
+        return f"chip {self.cores[k][0]} core {self.cores[k][1]} compartment {i - self.wiring.first[k]}"
+
+    def check(self, state: State, presentation: int, flying: int, overflow: int) -> None:
+        """Refuse a presentation with an overflow, or after which spikes are on their way.
+
+        ``flying``: messages on their way after the last step (with an overflow: the step), see `present`.
+        """
+        if overflow >= 0:
+            need, where = abs(int(state.sums[overflow])) >> INPUT_SHIFT, self.name(overflow)
+            raise NetworkLimitError(
+                f"{where}: receives {need:,} in step {flying} of presentation {presentation}, but its accumulator "
+                f"holds less than {LOIHI_1_INPUT_LIMIT:,}; lower network.inhibition or use fewer weight bits"
+            )
+        if flying:
+            raise _fault(f"presentation {presentation}", f"{flying} spikes are still on their way after its last step")
+
+
 def _wire(images: Sequence[CoreImage], read: Sequence[_Core], table: NDArray[np.int64], cores: Cores) -> Wiring:
     """The cores and their axons as the kernel takes them; see `Chips.of`."""
     first, axons = _starts([len(i.compartments) for i in images]), _starts([len(i.axons_in) for i in images])
@@ -150,10 +205,7 @@ def _wire(images: Sequence[CoreImage], read: Sequence[_Core], table: NDArray[np.
 class Chips:
     """Loihi 1 chips that hold a network; see `Chips.of`."""
 
-    cores: Cores
-    wiring: Wiring = field(repr=False)
-    threshold: NDArray[np.int64] = field(repr=False)
-    bias: NDArray[np.int64] = field(repr=False)
+    wired: Wired = field(repr=False)
     injection: tuple[NDArray[np.int64], ...] = field(repr=False)
     exc: NDArray[np.int64] = field(repr=False)
     counters: NDArray[np.int64] = field(repr=False)
@@ -186,21 +238,15 @@ class Chips:
         Raises:
             ModelFileError: the memory of a core is not what its synapse map says it is.
         """
-        cores = tuple((image.chip, image.core) for image in images)
-        read = [_read(image) for image in images]
-        table = np.concatenate([core.table for core in read], axis=1)
-        wiring = _wire(images, read, table, cores)
+        wired = Wired.of(images)
         places = {name: getattr(tables, name) for name in ("exc", "counters", "inh", "inputs")}
         axons = _starts([len(image.axons_in) for image in images])
         way = tables.injection[np.argsort(tables.injection[:, 0], kind="stable")]
-        axon = _located(way[:, 1:3], way[:, 3], axons, cores)
+        axon = _located(way[:, 1:3], way[:, 3], axons, wired.cores)
         return Chips(
-            cores,
-            wiring,
-            table[3],
-            table[4],
+            wired,
             (way[:, 0].astype(np.int64), axon),
-            **{name: _located(at[:, :2], at[:, 2], wiring.first, cores) for name, at in places.items()},
+            **{name: wired.at(table) for name, table in places.items()},
             steps=steps,
             silent_steps=silent_steps,
             regular=regular,
@@ -227,17 +273,17 @@ class Chips:
         counts = np.zeros((n, self.exc.size), np.int32)
         draw, written = bias_input_spikes if self.regular else draw_spikes, self._written()
         exc, inh, sent = (np.zeros((n, total, width), np.uint8) for width in (self.exc.size, self.inh.size, inputs))
-        u, v, sums, held = np.zeros((4, self.wiring.keep_u.size), np.int64)
-        state = State(u, v, sums, held, self.bias.copy())
+        wiring, state = self.wired.wiring, self.wired.rested()
         for q in range(n):
-            film = np.zeros((total, self.wiring.keep_u.size), np.uint8)
+            film = np.zeros((total, wiring.keep_u.size), np.uint8)
             drawn = np.zeros((total, inputs), np.bool_)
             self._write(state, rates[q], int(keys[q]), None if bias is None else bias[q])
             if not self.bias_input:
                 drawn[: self.steps] = draw(rates[q], int(keys[q]), self.steps)
-            shown = self.threshold, written, self.steps, *self._sent(drawn)
-            flying, overflow = present(self.wiring, state, *shown, film)
-            self._check(state, q, flying, overflow)
+            shown = self.wired.threshold, written, self.steps, *self._sent(drawn)
+            flying, overflow = present(wiring, state, *shown, film)
+            self.wired.check(state, q, flying, overflow)
+            self._check(state, q)
             counts[q] = state.v[self.counters] // COUNTER_UNIT
             exc[q], inh[q] = film[:, self.exc], film[:, self.inh]
             sent[q] = film[:, self.inputs] if self.bias_input else drawn
@@ -269,27 +315,11 @@ class Chips:
         by_step = np.bincount(steps, weights=sizes, minlength=len(drawn)).astype(np.int64)
         return _starts(by_step), axon[ways]
 
-    def _name(self, i: int) -> str:
-        """The name of a compartment in messages."""
-        k = int(np.searchsorted(self.wiring.first, i, side="right")) - 1
-        return f"chip {self.cores[k][0]} core {self.cores[k][1]} compartment {i - self.wiring.first[k]}"
-
-    def _check(self, state: State, presentation: int, flying: int, overflow: int) -> None:
-        """Refuse a presentation with an overflow, or after which the cores are not at rest.
-
-        ``flying``: messages on their way after the last step (with an overflow: the step), see `present`.
-        """
-        if overflow >= 0:
-            need, where = abs(int(state.sums[overflow])) >> INPUT_SHIFT, self._name(overflow)
-            raise NetworkLimitError(
-                f"{where}: receives {need:,} in step {flying} of presentation {presentation}, but its accumulator "
-                f"holds less than {LOIHI_1_INPUT_LIMIT:,}; lower network.inhibition or use fewer weight bits"
-            )
-        if flying:
-            raise _fault(f"presentation {presentation}", f"{flying} spikes are still on their way after its last step")
+    def _check(self, state: State, presentation: int) -> None:
+        """Refuse a presentation after which the cores are not at rest."""
         kept = state.v != 0
         kept[self.exc] = kept[self.counters] = kept[self._written()] = False
-        active = kept | (abs(state.u) * self.wiring.keep_u >> DECAY_BITS != 0) | (state.held != 0)
+        active = kept | (abs(state.u) * self.wired.wiring.keep_u >> DECAY_BITS != 0) | (state.held != 0)
         if active.any():
             what = f"is not at rest after presentation {presentation}, and nothing clears it"
-            raise _fault(self._name(int(np.argmax(active))), what)
+            raise _fault(self.wired.name(int(np.argmax(active))), what)

@@ -180,6 +180,12 @@ class Formats(list[SynapseFormat | None]):
     def __init__(self) -> None:
         super().__init__([None])
 
+    def number(self, form: SynapseFormat) -> int:
+        """The number of ``form``, which comes into use if it was not."""
+        if form not in self:
+            self.append(form)
+        return self.index(form)
+
     def rows(
         self, weights: NDArray[Any], compartments: NDArray[np.int64], dense: NDArray[np.bool_], form: SynapseFormat
     ) -> SynapseRows:

@@ -152,7 +152,7 @@ def front_end_table(placed: PlacedFrontEnd, others: int) -> Table:
     if not (exceeded or board.memory.public):
         fits = "Whether it fits is unknown: it is beyond none of the public numbers."
     notes = [
-        f"{fits} No bundle holds it (unproven): a board is sent what the host counts. "
+        f"{fits} No board's program runs it (unproven): a board is sent what the host counts. "
         "Each population stands on cores of its own, in sparse rows of weights that nothing shares.",
     ]
     if isinstance(board.clearing, LifReset) and (reset := reset_interval(placed.steps)) != placed.steps:

@@ -5,7 +5,7 @@ A model that is no bundle is deployed to a temporary one first.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -18,6 +18,7 @@ from lava_vpr.deploy.bundle import board_program, effort
 from lava_vpr.deploy.bundle.core_files import BundleSpikes
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.folder import ReadBundle
+from lava_vpr.deploy.bundle.front_end import front_end_player
 from lava_vpr.deploy.bundle.targets import TARGETS, open_whole
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.presentations import Trains
@@ -96,6 +97,26 @@ class BundleBackend:
                 yield part, play(shown.rates[part], keys[part], None if bias is None else bias[part])
                 if self.advance is not None:
                     self.advance(part.stop - part.start)
+
+
+def front_end_trains(
+    model: Model, grey: NDArray[np.uint8], advance: Advance | None = None
+) -> Mapping[str, NDArray[np.uint8]]:
+    """Simulate the registers and memory of the spiking front end of a bundle; reads nothing else.
+
+    Args:
+        model: The bundle's model.
+        grey: Grey levels of each image's pixels, uint8 (n, height, width).
+        advance: Called with the number of images that are done.
+    Returns:
+        Every spike of each population by name, uint8 (n, steps, neurons); nothing if the bundle holds no front end.
+    """
+    with bundle_of(model) as bundle:
+        play = front_end_player(bundle)
+        films = {} if play is None else play(grey)
+    if advance is not None:
+        advance(len(grey))
+    return films
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.encoder import EncodedTraverse, check_encoded
 from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.model import Model, checked_network
@@ -28,9 +29,22 @@ from lava_vpr.model import Model, checked_network
 Advance = Callable[[int], None]
 """A function called with how many more presentations are done."""
 
-RunFrontEnd = Callable[[FrontEnd, NDArray[np.uint8], Advance | None], Mapping[str, NDArray[np.uint8]]]
-"""Runs a spiking front end on what its pixels take of images, uint8 (n, height, width): every spike of each population
-by name, uint8 (n, steps, neurons)."""
+RunFrontEnd = Callable[[Model, NDArray[np.uint8], Advance | None], Mapping[str, NDArray[np.uint8]]]
+"""Runs the spiking front end of a model (`front_end_of`) on what its pixels take of images, uint8 (n, height, width):
+every spike of each population by name, uint8 (n, steps, neurons)."""
+
+
+def front_end_of(model: Model) -> FrontEnd:
+    """The spiking front end of a model that has one.
+
+    Raises:
+        ConfigError: it has none.
+    """
+    spec = model.config.encoder.front_end
+    if spec is None:
+        raise ConfigError(f"input {model.config.encoder.kind} has no spiking front end; train with --input frontend")
+    return spec
+
 
 Events = dict[str, int]
 """The counted events of a run by name, summed over its presentations."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.backends.interface import Advance, Events, Presentations, events_of
+from lava_vpr.backends.interface import Advance, Events, Presentations, events_of, front_end_of
 from lava_vpr.config import Config
 from lava_vpr.configfile import to_dict
 from lava_vpr.engine.conductance import model as conductance
@@ -16,7 +16,6 @@ from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError
-from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.model import Model, checked_network
 from lava_vpr.processes.base import lava_checks
@@ -122,16 +121,17 @@ class LavaBackend:
 
 
 def front_end_trains(
-    job: str, spec: FrontEnd, grey: NDArray[np.uint8], advance: Advance | None = None
+    job: str, model: Model, grey: NDArray[np.uint8], advance: Advance | None = None
 ) -> dict[str, NDArray[np.uint8]]:
     """Run the spiking front end as Lava Processes: every spike of each population by name, uint8 (n, steps, neurons).
 
     Args:
         job: Function of `lava_vpr.processes.jobs.front_end`.
-        spec: The front end.
+        model: Whose front end.
         grey: What its pixels take of each image, uint8 (n, height, width).
         advance: Called with the number of images that are done.
     """
+    spec = front_end_of(model)
     target, timeout = f"lava_vpr.processes.jobs.front_end:{job}", 120 + len(grey) * spec.steps / SLOWEST
     return run_isolated(target, {"grey": grey}, {"spec": asdict(spec)}, timeout=timeout, progress=advance)
 

@@ -6,9 +6,13 @@ counts, bit for bit, on every exact backend.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 
-from lava_vpr.backends.interface import Advance, Backend, BackendRow, HostBackend
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.backends.interface import Advance, Backend, BackendRow, HostBackend, front_end_of
 from lava_vpr.backends.lava import LavaBackend, front_end_trains, lava_missing, loihi2_missing
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.errors import BackendUnavailableError
@@ -26,6 +30,15 @@ def _bundle(threads: int, advance: Advance | None) -> Backend:
     from lava_vpr.backends.deployed import BundleBackend  # only those who have a bundle wait for `deploy`
 
     return BundleBackend(advance)
+
+
+def _bundle_front_end(
+    model: Model, grey: NDArray[np.uint8], advance: Advance | None
+) -> Mapping[str, NDArray[np.uint8]]:
+    """The front end in a bundle."""
+    from lava_vpr.backends.deployed import front_end_trains as simulated
+
+    return simulated(model, grey, advance)
 
 
 def _kapoho_bay(threads: int, advance: Advance | None) -> Backend:
@@ -52,7 +65,7 @@ for _row in (
         timing="compiled",
         default=True,
         together=256,
-        front_end=lambda spec, grey, advance: spec.trains(grey),
+        front_end=lambda model, grey, advance: front_end_of(model).trains(grey),
     ),
     BackendRow(
         "lava-fixed",
@@ -100,6 +113,7 @@ for _row in (
         timing="compiled",
         default=True,
         limit=100,
+        front_end=_bundle_front_end,
     ),
     BackendRow(
         "loihi2",

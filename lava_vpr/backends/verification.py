@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
-from lava_vpr.backends.interface import Advance, HostBackend, Presentations, RunFrontEnd
+from lava_vpr.backends.interface import Advance, HostBackend, Presentations, RunFrontEnd, front_end_of
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError, ConfigError, InputError, NetworkLimitError, PluginError
 from lava_vpr.inputs.encoder import Keep
-from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.model import Model, as_integer, decode
@@ -121,9 +120,9 @@ class SpikesCompared(NamedTuple):
 
 
 class FrontEndQueries(NamedTuple):
-    """What a spiking front end is shown: what its pixels take of each image, uint8 (n, height, width); names."""
+    """What a model's front end is shown: what its pixels take of each image, uint8 (n, height, width); names."""
 
-    front_end: FrontEnd
+    model: Model
     grey: NDArray[np.uint8]
     names: Sequence[str]
 
@@ -166,8 +165,8 @@ def _before(run: RunFrontEnd | None, shown: FrontEndQueries | None, advance: Adv
     found = []
     for start in range(0, len(shown.grey), AT_ONCE):
         part = slice(start, start + AT_ONCE)
-        host = shown.front_end.trains(shown.grey[part])
-        found.append(compare(host, run(shown.front_end, shown.grey[part], advance), shown.names[part]))
+        host = front_end_of(shown.model).trains(shown.grey[part])
+        found.append(compare(host, run(shown.model, shown.grey[part], advance), shown.names[part]))
     spikes = {population: sum(each.spikes[population] for each in found) for population in found[0].spikes}
     first = next((each.first for each in found if each.first is not None), None)
     return SpikesCompared(spikes, sum(each.differing for each in found), first)
@@ -219,11 +218,10 @@ def verify(
             f"{queries.names[silent[0]]}: no neuron spikes for this query, so there is nothing to compare "
             f"({len(silent)} of {len(queries)} such queries); choose others with --places"
         )
-    front_end = model.config.encoder.front_end
     before = None
-    if front_end is not None:
+    if model.config.encoder.front_end is not None:
         grey = [each.kept(Keep.GREY, "comparing the front end") for each in (queries, *further)]
-        before = FrontEndQueries(front_end, np.concatenate(grey), images)
+        before = FrontEndQueries(model, np.concatenate(grey), images)
     compared = _before(BACKENDS["host"].front_end, before, None).spikes
     compared |= compare(trains.films, trains.films, images).spikes if trains else {"exc": int(counts.sum())}
     reference = Verdict("host", None, True, len(queries), compared, recall=recall_at_1(model, counts, truth))

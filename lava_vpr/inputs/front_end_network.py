@@ -76,7 +76,7 @@ def populations(spec: FrontEnd) -> dict[str, NeuronGroup]:
 
 def synapses(spec: FrontEnd) -> Iterator[Projection]:
     """Every synapse, by source and target; those of weights beyond 8 bits, and of both signs, in parts."""
-    for (source, target), weights in _weights(spec).items():
+    for (source, target), weights in all_weights(spec).items():
         for part, exponent in _parts(weights):
             yield Projection(source, target, part, exponent)
 
@@ -105,8 +105,8 @@ def _parts(weights: csr_matrix) -> Iterator[tuple[csr_matrix, int]]:
                 yield csr_matrix(part.multiply(sign), dtype=np.int32), exponent
 
 
-def _weights(spec: FrontEnd) -> dict[tuple[str, str], csr_matrix]:
-    """Weights (post, pre) by source and target, of any size."""
+def all_weights(spec: FrontEnd) -> dict[tuple[str, str], csr_matrix]:
+    """Weights (post, pre) by source and target, of any size and both signs."""
     sizes = spec.populations
     ends, cells = np.array([spec.end - 1]), np.arange(sizes["cells"])
     begun = spec.window + spec.levels - 1

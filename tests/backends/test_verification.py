@@ -284,14 +284,16 @@ def test_real_queries_on_every_backend(bits: int, mode: str, data_root: Path) ->
 @pytest.mark.data
 @pytest.mark.slow
 def test_real_queries_from_pixels_on(data_root: Path) -> None:
-    """Every spike of every layer of a map of 100 places, front end and network, in this project's models and Lava's."""
+    """Every spike of every layer of a map of 100 places, front end and network: of Lava and a bundle."""
     config = update(preset("loihi"), {"encoder": {"kind": "frontend"}, "learning": TEMPLATES})
     model = learn(SECTIONS[0], config)
     winter = open_traverse(images_of("nordland", "winter")).take(range(5))
     queries = encode_traverse(winter, config.encoder, Keep.GREY)
     films = FRONT_END.trains(queries.kept(Keep.GREY, "the test"))
     assert np.array_equal(films["cells"].sum(axis=1), queries.activity)
-    for verdict in verify(model, queries, np.eye(5, 100, dtype=bool), names=("host", "lava-fixed", "lava-library")):
+    for verdict in verify(
+        model, queries, np.eye(5, 100, dtype=bool), names=("host", "lava-fixed", "lava-library", "bundle")
+    ):
         print(f"{verdict.name}: {verdict.compared}")
         assert verdict.equal, verdict.mismatch or verdict.reason
         assert min(verdict.compared.values()) > 0

@@ -61,12 +61,18 @@ def test_a_spiking_front_end_is_counted_for_each_board(quick: Path) -> None:
     fitted = json.loads(Path("f.json").read_text())["front_end"]
     assert (fitted["fits"], fitted["cores"], fitted["steps"]) == (True, 43, 29)
     assert fitted["populations"]["filters"]["binds"] == "compartments"
-    assert "It fits beside the network's 1 of 256 cores. No bundle holds it (unproven)" in text
+    assert "It fits beside the network's 1 of 256 cores. No board's program runs it (unproven)" in text
     text = " ".join(run("fit", "f.lvpr", "--target", "loihi2").stdout.split())
     assert "Whether it fits is unknown" in text
     assert "Its 29 steps would be 32: neurons are reset at powers of two." in text
     text = " ".join(run("deploy", "f.lvpr", "--target", "kapoho-bay", "-o", "fb").stdout.split())
+    assert "The spiking front end stands on 43 cores more, which --backend bundle simulates" in text
+    facts = json.loads(Path("fb/manifest.json").read_text())["front_end"]
+    assert (facts["steps"], facts["cores"], len(list(Path("fb/front_end/cores").iterdir()))) == (29, 43, 43)
+    assert "`program/run.py` runs the place network only" in " ".join(Path("fb/README.md").read_text().split())
+    text = " ".join(run("deploy", "f.lvpr", "--target", "loihi2", "-o", "lb").stdout.split())
     assert "No board runs the spiking front end: the host counts its spikes" in text
+    assert not Path("lb/front_end").exists()
 
 
 def test_fit_deploy_and_bench_model_one_time_of_a_bundle(quick: Path) -> None:

@@ -57,9 +57,9 @@ def test_spikes_are_those_of_the_engine(bits: int, signed: bool, mode: str, monk
         plan = simple_plan(network, 1 + (bits + seed) % 6, seed)
         found, machine = compare(plan, seed)
         spikes += found
-        chips |= {chip for chip, _ in machine.cores}
+        chips |= {chip for chip, _ in machine.wired.cores}
         dense |= {bool(row) for core in plan.cores for row in core.dense_inputs}
-        cores.add(len(machine.cores))
+        cores.add(len(machine.wired.cores))
         deep.add((network.depth, network.input_delay))
         biased += bool(network.bias.any())
     assert spikes > 100

@@ -1,0 +1,84 @@
+"""The spiking front end in a Loihi 1 bundle: cores and tables in the formats of the place network's, beside them.
+
+The board's host program runs the place network alone; what plays these cores is the simulation of registers.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.deploy.boards.board import BOARDS, Board
+from lava_vpr.deploy.bundle.core_files import CORES, HOST_TABLE, core_images, image_files
+from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle, array_bytes
+from lava_vpr.deploy.mapping.front_end_images import front_end_images
+from lava_vpr.deploy.registers.front_end import FrontEndChips
+from lava_vpr.errors import BundleError, NetworkLimitError
+from lava_vpr.inputs.front_end import FrontEnd
+from lava_vpr.model import Model
+
+FRONT_END = "front_end"
+"""Its key in the manifest, and the folder of its files."""
+_CORES, _TABLE = f"{FRONT_END}/{CORES}", f"{FRONT_END}/{HOST_TABLE}"
+
+FrontEndPlayer = Callable[[NDArray[np.uint8]], Mapping[str, NDArray[np.uint8]]]
+"""Every spike of each population by name, uint8 (n, steps, neurons), of images' grey levels, uint8 (n, height, width).
+"""
+
+
+def front_end_files(
+    spec: FrontEnd | None, board: Board, taken: Sequence[tuple[int, int]]
+) -> tuple[dict[str, bytes], dict[str, Any] | None]:
+    """The files of a front end by name, and what the manifest says of it; none and None if ``board`` cannot hold it.
+
+    Args:
+        spec: The front end; None: the model has none.
+        board: The board.
+        taken: The cores of the place network, by chip and core.
+    """
+    if spec is None:
+        return {}, None
+    try:
+        found = front_end_images(spec, board, taken)
+    except NetworkLimitError:
+        return {}, None
+    tables = {_TABLE.format(name): array_bytes(table) for name, table in found.tables.items()}
+    facts = {"steps": spec.steps, "cores": len(found.cores), "populations": dict(spec.populations)}
+    return image_files(found.cores, _CORES) | tables, facts
+
+
+def check_front_end(bundle: ReadBundle, model: Model) -> None:
+    """Refuse a front end that is not what this version writes for ``model``, the bundle's, or that is there in part.
+
+    Raises:
+        BundleError: it is another.
+    """
+    said, held = bundle.manifest.get(FRONT_END), {name for name in bundle.files if name.startswith(f"{FRONT_END}/")}
+    if said is None and not held:
+        return
+    taken = [(image.chip, image.core) for image in core_images(bundle)]
+    files, facts = front_end_files(model.config.encoder.front_end, BOARDS[bundle.target], taken)
+    if facts is None or json.dumps(said, sort_keys=True) != json.dumps(facts, sort_keys=True):
+        raise BundleError(f"{bundle.at(MANIFEST)}: what it says of a front end is not what its settings make; {AGAIN}")
+    if held - set(files):
+        raise BundleError(f"{bundle.at(min(held - set(files)))}: is no part of the front end; {AGAIN}")
+    bundle.demand(files)
+
+
+def front_end_player(bundle: ReadBundle) -> FrontEndPlayer | None:
+    """A simulation of the registers and memory of the cores of the front end, which `check_front_end` has seen.
+
+    Returns:
+        It, or None if the bundle holds none.
+    """
+    said = bundle.manifest.get(FRONT_END)
+    if said is None:
+        return None
+    tables = {
+        name: bundle.array(_TABLE.format(name), np.int32, (size, 3)) for name, size in said["populations"].items()
+    }
+    return FrontEndChips.of(core_images(bundle, _CORES), tables, said["steps"]).present

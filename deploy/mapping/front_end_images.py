@@ -1,0 +1,186 @@
+"""The placed front end as the content of every core's registers and memory, with what the host must know of it.
+
+Cores have what the place network's have (`lava_vpr.deploy.registers.core_images`): each population is a profile and a
+threshold, each row of memory the synapses of a neuron to one core in one format.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix, csr_matrix
+
+from lava_vpr.deploy.boards.board import Board
+from lava_vpr.deploy.mapping.front_end import PlacedFrontEnd, largest_weight, placed
+from lava_vpr.deploy.registers.core_images import CoreImage, core_registers
+from lava_vpr.deploy.registers.synapse_memory import pack
+from lava_vpr.deploy.registers.synapses import Formats, SynapseFormat, SynapseRows, index_bits, joined
+from lava_vpr.errors import NetworkLimitError
+from lava_vpr.inputs.front_end import FrontEnd
+from lava_vpr.inputs.front_end_network import BIAS_EXPONENT, NeuronGroup, all_weights, populations
+from lava_vpr.loihi import BIAS_EXPONENT_LIMIT, WEIGHT_EXPONENT_LIMIT
+
+Way = tuple[str, str, int]
+"""Source, target and exponent of synapses: a row has one exponent."""
+IN_A_ROW = 8
+"""Most synapses of a weight: if one is larger, larger exponents have a row of their own."""
+Places = Mapping[str, NDArray[np.int32]]
+"""Chip, core and compartment of every neuron of each population, int32 (neurons, 3), by name."""
+
+
+@dataclass(frozen=True)
+class FrontEndImages:
+    """The front end as a board gets it: cores by chip and core, and where its neurons stand."""
+
+    cores: tuple[CoreImage, ...]
+    tables: Places
+
+
+def front_end_images(spec: FrontEnd, board: Board, taken: Sequence[tuple[int, int]]) -> FrontEndImages:
+    """The front end on the first cores of ``board`` that are not ``taken``, by chip and core.
+
+    Raises:
+        NetworkLimitError: it cannot stand there, or events drive its pixels, for which there are no axons.
+    """
+    ways = stored_weights(spec, board)
+    stored = [(source, target, _synapses(row, board)) for (source, target, _), row in ways.items()]
+    plan, free = placed(spec, board, stored), _free(board, taken)
+    exceeded = plan.exceeded(len(taken))
+    if exceeded or spec.window:
+        raise NetworkLimitError(exceeded or "no public source shows how events of a camera come to axons of the chip")
+    tables = _tables(plan, free)
+    rows: dict[tuple[str, int], tuple[SynapseRows, Formats]] = {}
+    axons: dict[Way, NDArray[np.int64]] = {}  # the input axon of each source neuron on each core of the target, or -1
+    for name, each in plan.populations.items():
+        rows |= {(name, core): _rows(ways, name, board, each.starts, core, axons) for core in range(each.cores)}
+    images, groups = [], populations(spec)
+    for name, each in plan.populations.items():
+        out = _axons_out(name, axons, tables, plan)
+        for core, (start, size) in enumerate(zip(each.starts, each.sizes, strict=True)):
+            chip, number, _ = tables[name][start].tolist()
+            words, entries = pack(*rows[name, core])
+            own = out[(out[:, 0] >= start) & (out[:, 0] < start + size)] - [start, 0, 0, 0]
+            compartments = _compartments(groups[name], name)[start : start + size]
+            registers = core_registers([_profile(groups[name])], len(compartments), rows[name, core][1])
+            images.append(CoreImage(chip, number, registers, compartments, words, entries, own.astype(np.int32)))
+    return FrontEndImages(tuple(images), tables)
+
+
+def stored_weights(spec: FrontEnd, board: Board) -> dict[Way, csr_matrix]:
+    """Weights of either sign as rows of ``board`` have them, int32 (post, pre): times 2^exponent each adds up to its
+    own.
+
+    As no threshold of the chip is 0, one of 0 is 1 there, and what excites its neurons is twice as much. What silences
+    for a presentation is one synapse's most, so that an accumulator holds it and all else of a step.
+    """
+    groups, largest, found = populations(spec), largest_weight(board), {}
+    for (source, target), weights in all_weights(spec).items():
+        whole = weights if groups[target].threshold else weights + weights.maximum(0)
+        whole = whole.maximum(-(largest << WEIGHT_EXPONENT_LIMIT))
+        high = whole.copy()
+        if abs(whole).max() > IN_A_ROW * largest:
+            high.data = np.sign(high.data) * (abs(high.data) >> WEIGHT_EXPONENT_LIMIT)
+        else:
+            high.data[:] = 0
+        for part, exponent in ((whole - high * (1 << WEIGHT_EXPONENT_LIMIT), 0), (high, WEIGHT_EXPONENT_LIMIT)):
+            part.eliminate_zeros()
+            if part.nnz:
+                found[source, target, exponent] = csr_matrix(part, dtype=np.int32)
+    return found
+
+
+def _synapses(weights: csr_matrix | csc_matrix, board: Board) -> csr_matrix | csc_matrix:
+    """How many synapses each of ``weights`` takes: one of more bits takes several."""
+    stored = abs(weights)
+    stored.data = -(-stored.data // largest_weight(board))
+    return stored
+
+
+def _free(board: Board, taken: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """The cores of ``board`` that nothing stands on, by chip and core."""
+    every = ((chip, core) for chip in range(board.chips) for core in range(board.cores))
+    return [core for core in every if core not in set(taken)]
+
+
+def _tables(plan: PlacedFrontEnd, free: Sequence[tuple[int, int]]) -> Places:
+    """Where every neuron stands, if populations take the ``free`` cores one after another."""
+    tables, first = {}, 0
+    for name, each in plan.populations.items():
+        here = np.array(free[first : first + each.cores], np.int32)
+        compartments = np.arange(each.neurons) - np.repeat(each.starts, each.sizes)
+        tables[name] = np.column_stack([here.repeat(each.sizes, axis=0), compartments]).astype(np.int32)
+        first += each.cores
+    return tables
+
+
+def _profile(group: NeuronGroup) -> tuple[int, int, int]:
+    """Decays of u and v, and threshold, which is not 0."""
+    return group.du, group.dv, max(1, group.threshold)
+
+
+def _compartments(group: NeuronGroup, name: str) -> NDArray[np.int32]:
+    """Profile, threshold register, bias mantissa and exponent of each; the host writes the mantissas of pixels."""
+    found = np.zeros((group.size, 4), np.int32)
+    if group.bias is not None:  # above a threshold of 1, too
+        found[:, 2], found[:, 3] = group.bias, BIAS_EXPONENT_LIMIT
+    elif name == "pixels":
+        found[:, 3] = BIAS_EXPONENT
+    return found
+
+
+def _rows(
+    ways: Mapping[Way, csr_matrix],
+    name: str,
+    board: Board,
+    starts: NDArray[np.int64],
+    core: int,
+    axons: dict[Way, NDArray[np.int64]],
+) -> tuple[SynapseRows, Formats]:
+    """The rows of a core of the population ``name``, and their formats; their numbers are added to ``axons``."""
+    end = starts[core + 1] if core + 1 < len(starts) else None
+    formats, parts, many = Formats(), [], 0
+    for way, weights in ways.items():
+        if way[1] != name:
+            continue
+        here = csc_matrix(weights[starts[core] : end])
+        found = np.flatnonzero(np.diff(here.indptr))
+        numbers = axons.setdefault(way, np.full((weights.shape[1], len(starts)), -1))
+        numbers[found, core] = many + np.arange(len(found))
+        many += len(found)
+        parts.append(_stored(here[:, found], way[2], formats, board))
+    return joined(parts), formats
+
+
+def _stored(weights: csc_matrix, exponent: int, formats: Formats, board: Board) -> SynapseRows:
+    """A row for each column of ``weights`` (compartments, rows): a weight of more bits is several synapses."""
+    largest, bits = largest_weight(board), max(board.weight_bits)
+    weights.sort_indices()
+    synapses = _synapses(weights, board).data
+    ends = np.append(0, np.cumsum(synapses))
+    rank = np.arange(ends[-1]) - np.repeat(ends[:-1], synapses)
+    sign, size = (np.repeat(each, synapses) for each in (np.sign(weights.data), abs(weights.data)))
+    form = SynapseFormat.of_whole_numbers(bits, index_bits(np.arange(weights.shape[0])))
+    number = formats.number(SynapseFormat(bits, form.index_bits, form.exponent + exponent))
+    return SynapseRows(
+        ends[weights.indptr].astype(np.int64),
+        np.repeat(weights.indices, synapses).astype(np.int32),
+        (sign * np.minimum(largest, size - largest * rank)).astype(np.int32),
+        np.full(weights.shape[1], number, np.uint8),
+    )
+
+
+def _axons_out(
+    name: str, axons: Mapping[Way, NDArray[np.int64]], tables: Places, plan: PlacedFrontEnd
+) -> NDArray[np.int64]:
+    """Source neuron of the population ``name``, and chip, core and axon of each of its ways, int64 (axons, 4)."""
+    found = [np.zeros((0, 4), np.int64)]
+    for (source, target, _), numbers in axons.items():
+        if source == name:
+            neurons, cores = np.nonzero(numbers >= 0)
+            to = tables[target][plan.populations[target].starts[cores], :2]
+            found.append(np.column_stack([neurons, to, numbers[neurons, cores]]))
+    rows = np.concatenate(found)
+    return rows[np.argsort(rows[:, 0], kind="stable")]

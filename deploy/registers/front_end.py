@@ -1,0 +1,72 @@
+"""The cores of a spiking front end, at the level of their registers: pixels in, every spike out.
+
+Before an image the host clears current and membrane of every compartment, and writes the biases of pixels, grey levels,
+once; nothing else is written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.deploy.registers.core_images import CoreImage
+from lava_vpr.deploy.registers.simulator import Wired
+from lava_vpr.deploy.registers.simulator_kernels import present
+
+
+@dataclass(frozen=True)
+class FrontEndChips:
+    """Chips whose cores hold a front end.
+
+    Attributes:
+        wired: The cores.
+        places: Where the neurons of each population are in all compartments, int64 (neurons,), by name.
+        exponents: Of the biases of pixels, int64 (pixels,).
+        steps: Steps of a presentation.
+    """
+
+    wired: Wired
+    places: Mapping[str, NDArray[np.int64]] = field(repr=False)
+    exponents: NDArray[np.int64] = field(repr=False)
+    steps: int
+
+    @staticmethod
+    def of(images: Sequence[CoreImage], tables: Mapping[str, NDArray[np.int32]], steps: int) -> FrontEndChips:
+        """The chips whose cores hold ``images``.
+
+        Args:
+            images: Images of all cores.
+            tables: Chip, core and compartment of every neuron of each population, int32 (neurons, 3), by name.
+            steps: Steps of a presentation.
+        Raises:
+            ModelFileError: the memory of a core is not what its synapse map says it is.
+        """
+        wired = Wired.of(images)
+        places = {name: wired.at(table) for name, table in tables.items()}
+        exponents = np.concatenate([image.compartments[:, 3] for image in images]).astype(np.int64)
+        return FrontEndChips(wired, places, exponents[places["pixels"]], steps)
+
+    def present(self, grey: NDArray[np.uint8]) -> dict[str, NDArray[np.uint8]]:
+        """Every spike of each population by name, uint8 (n, steps, neurons).
+
+        Args:
+            grey: Grey levels of each image's pixels, uint8 (n, height, width).
+        Raises:
+            NetworkLimitError: an accumulator overflows.
+            ModelFileError: spikes are still on their way after the last step.
+        """
+        films = {name: np.zeros((len(grey), self.steps, len(at)), np.uint8) for name, at in self.places.items()}
+        nothing = np.zeros(self.steps + 1, np.int64), np.zeros(0, np.int64)
+        for number, levels in enumerate(grey.reshape(len(grey), -1).astype(np.int64)):
+            state = self.wired.rested()
+            pixels = self.places["pixels"]
+            state.bias[pixels] = levels << self.exponents
+            film = np.zeros((self.steps, len(state.bias)), np.uint8)
+            stopped = present(self.wired.wiring, state, self.wired.threshold, pixels, self.steps, *nothing, film)
+            self.wired.check(state, number, *stopped)
+            for name, at in self.places.items():
+                films[name][number] = film[:, at]
+        return films
