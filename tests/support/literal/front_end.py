@@ -1,6 +1,6 @@
 """The spiking front end in the general simulator: every neuron in every step.
 
-Used by inputs and report.
+Used by deploy, inputs and report.
 """
 
 from __future__ import annotations
