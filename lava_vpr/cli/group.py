@@ -34,10 +34,6 @@ _NO_THREAD = "can't start new thread"  # all that `threading` says, as a Runtime
 _NO_MEMORY = ("failed to map segment", "cannot allocate memory", "Could not find/load shared object")
 
 
-TYPED = "lava_vpr.typed"
-"""Key of a context's ``meta``: the command's name and all words behind it, as the user gave them."""
-
-
 class OneLineGroup(click.Group):
     """Turns every error that a user can cause into one line on stderr and exit code 1.
 
@@ -56,8 +52,7 @@ class OneLineGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """See `click.Group`; a command that is misspelt is named, and the words given are kept (`TYPED`)."""
-        ctx.meta[TYPED] = tuple(args)
+        """See `click.Group`; a command that is misspelt is named."""
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:

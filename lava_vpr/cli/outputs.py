@@ -18,8 +18,7 @@ from typing import Any
 
 import click
 
-from lava_vpr.cli.common import console, print_whole, stage
-from lava_vpr.cli.group import TYPED
+from lava_vpr.cli.common import Parsed, console, print_whole, stage
 from lava_vpr.errors import InputError, harmless, shown
 from lava_vpr.images.files import IMAGE_SUFFIXES
 from lava_vpr.show.page import write_page
@@ -285,6 +284,43 @@ def draw_on_paper(folder: Path, page_of: Callable[[], str]) -> None:
             page_of()
 
 
+SILENT = (
+    "json_path",
+    "csv_path",
+    "table_path",
+    "report_folder",
+    "figures_folder",
+    "output",
+    "bag",
+    "predictions",
+    "reference_folder",
+    "scores",
+    "gains",
+    "jobs",
+    "address",
+    "keep",
+)
+"""Parameters that a report does not repeat: they change nothing of what it says."""
+
+
 def command_line(ctx: click.Context) -> str:
-    """How to repeat this command: the words that the user gave, for a shell."""
-    return shlex.join(["lava-vpr", *ctx.meta[TYPED]])
+    """How to repeat this command, file names without their folders (reports carry no paths)."""
+    words = ["lava-vpr", ctx.info_name or ""]
+    for param in ctx.command.params:
+        value = ctx.params.get(param.name or "")
+        if value is None or value == () or value == param.default or param.name in SILENT:
+            continue
+        if isinstance(param.type, Parsed):
+            value = tuple(map(param.type.written, value)) if param.multiple else param.type.written(value)
+        values = value if isinstance(value, tuple) else (value,)
+        sources = ("query", "images", "references", "stamps")
+        shown = [Path(v).name if isinstance(v, Path) or param.name in sources else str(v) for v in values]
+        if isinstance(param, click.Argument):
+            words += shown
+        elif isinstance(param, click.Option) and param.is_flag:
+            words += [param.opts[-1]] if value else []
+        elif param.multiple:
+            words += [word for text in shown for word in (param.opts[-1], text)]
+        else:
+            words += [param.opts[-1], *shown]
+    return shlex.join(words)

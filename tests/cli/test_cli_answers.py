@@ -106,16 +106,15 @@ def test_where_all_is_on_the_map_a_match_is_likelier(here: Path) -> None:
     )
 
 
-def test_equal_inputs_write_equal_bytes_wherever_they_are(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_equal_inputs_write_equal_bytes_wherever_they_are(here: Path) -> None:
     written = []
     for place in ("one", "another/deeper"):
         folder = here / place
         folder.mkdir(parents=True)
         shutil.copy("m.lvpr", folder / "m.lvpr")
         shutil.copytree("query", folder / "query")
-        monkeypatch.chdir(folder)
-        table = run("eval", "m.lvpr", "query", "--json", "f.json", "--report", "r").stdout
-        monkeypatch.chdir(here)
+        names = ("--json", folder / "f.json", "--report", folder / "r")
+        table = run("eval", folder / "m.lvpr", folder / "query", *names).stdout
         files = [p for p in sorted(folder.rglob("*")) if p.is_file() and "query" not in p.parts]
         written.append({str(p.relative_to(folder)): p.read_bytes() for p in files})
         assert table.startswith("8 queries, 8 places, 8 neurons\n")
@@ -123,7 +122,7 @@ def test_equal_inputs_write_equal_bytes_wherever_they_are(here: Path, monkeypatc
     assert {"f.json", "r/report.html"} <= set(written[0])
     text = written[0]["f.json"].decode() + written[0]["r/report.html"].decode()
     assert str(here) not in text
-    assert "lava-vpr eval m.lvpr query --json f.json --report r<" in written[0]["r/report.html"].decode()
+    assert "lava-vpr eval m.lvpr query" in written[0]["r/report.html"].decode()
     assert not re.search(r"\b20\d\d-\d\d-\d\d\b|\d\d:\d\d:\d\d", text)
 
 
@@ -386,9 +385,8 @@ def test_the_drawings_as_files(here: Path) -> None:
     told = run("eval", "m.lvpr", "query", "--report", "r", "--figures", "figures").stdout
     assert told.endswith(f"report: {Path('r/report.html')}\nfigures: figures\n")
     page = Path("r/report.html").read_text()
-    Path("r").rename("before")
-    run("eval", "m.lvpr", "query", "--report", "r")
-    assert Path("r/report.html").read_text() == page.replace(" --figures figures", "")
+    run("eval", "m.lvpr", "query", "--report", "again")
+    assert Path("again/report.html").read_text() == page
     drawn = {path.name: path.read_bytes() for path in Path("figures").iterdir()}
     prefixes = set(re.findall(r'<svg role="img".*?<g id="(\w+)-figure_1">', page, re.DOTALL))
     assert {"pr", "m0", "reliability"} <= prefixes
