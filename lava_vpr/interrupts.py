@@ -25,7 +25,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 standing: set[Path] = set()
-"""Temporary folders that stand: `finish` removes those that a signal left, which came as a block was about to."""
+"""Temporary folders that exist; `finish` removes those that a signal kept a block from removing."""
 
 SOON = 0.05  # seconds until a signal that was lost comes again
 
@@ -147,7 +147,7 @@ def minded() -> Iterator[None]:
 
 
 def finish() -> None:
-    """Remove temporary folders that are left; end by the signal that stopped the work, if one did but Ctrl-C."""
+    """Remove temporary folders that are left, then end by the signal that stopped the work, unless it was Ctrl-C."""
     for folder in standing:
         shutil.rmtree(folder, ignore_errors=True)
     for fatal in _now.stopped:
