@@ -81,15 +81,14 @@ def contents(
         files |= gain_files(gains, model)
         manifest[FACTS] = facts(gains, model)
     taken = [(core.chip, core.core) for core in plan.cores]
-    spec = model.config.encoder.front_end if target.holds_front_end else None
-    front_end, placed = front_end_files(spec, board, taken)
+    front_end, said = front_end_files(model.config.encoder.front_end, board, taken, holds=target.holds_front_end)
     files |= front_end
-    if placed is not None:
-        manifest[FRONT_END] = placed
+    if said is not None:
+        manifest[FRONT_END] = said
     files["mapping.json"] = json_bytes(mapping(plan))
-    has = {"learning": learning, "gained": gains is not None, "front_end": placed is not None}
+    has = {"learning": learning, "gained": gains is not None}
     rows = unproven(plan, learning=learning)
-    files["README.md"] = readme(model, plan, target.guide, target.parts, rows, **has)
+    files["README.md"] = readme(model, plan, target.guide, target.parts, rows, **has, front_end=said)
     if picture:
         from lava_vpr.deploy.show.drawing import draw  # matplotlib takes a second to import
 

@@ -25,35 +25,56 @@ FRONT_END = "front_end"
 """Its key in the manifest, and the folder of its files."""
 _CORES, _TABLE = f"{FRONT_END}/{CORES}", f"{FRONT_END}/{HOST_TABLE}"
 
+LEFT_OUT = "left_out"
+"""The key of the reason why it is left out."""
+NO_FILES = "a bundle for {} has no files for it"
+
 FrontEndPlayer = Callable[[NDArray[np.uint8]], Mapping[str, NDArray[np.uint8]]]
 """Every spike of each population by name, uint8 (n, steps, neurons), of images' grey levels, uint8 (n, height, width).
 """
 
 
 def front_end_files(
-    spec: FrontEnd | None, board: Board, taken: Sequence[tuple[int, int]]
+    spec: FrontEnd | None, board: Board, taken: Sequence[tuple[int, int]], *, holds: bool = True
 ) -> tuple[dict[str, bytes], dict[str, Any] | None]:
-    """The files of a front end by name, and what the manifest says of it; none and None if ``board`` cannot hold it.
+    """The files of a front end by name, and what the manifest says of it: without files, why it is left out.
 
     Args:
         spec: The front end; None: the model has none.
         board: The board.
         taken: The cores of the place network, by chip and core.
+        holds: Whether bundles for ``board`` have files for it.
     """
     if spec is None:
         return {}, None
     try:
+        if not holds:
+            raise NetworkLimitError(NO_FILES.format(board.title))
         found = front_end_images(spec, board, taken)
-    except NetworkLimitError:
-        return {}, None
+    except NetworkLimitError as error:
+        return {}, {LEFT_OUT: str(error)}
     tables = {_TABLE.format(name): array_bytes(table) for name, table in found.tables.items()}
     facts = {"steps": spec.steps, "cores": len(found.cores), "populations": dict(spec.populations)}
     return image_files(found.cores, _CORES) | tables, facts
 
 
-def check_front_end(bundle: ReadBundle, model: Model) -> None:
+def held_sentence(said: Mapping[str, Any]) -> str:
+    """What a bundle holds of a front end, for people, by what its manifest says."""
+    if LEFT_OUT in said:
+        return f"The bundle holds no spiking front end: {said[LEFT_OUT]}. The host counts the front end's spikes."
+    return (
+        f"The spiking front end stands on {said['cores']} cores more, which lava-vpr's --backend bundle simulates; the "
+        "board's program runs the network alone, and the host counts the front end's spikes."
+    )
+
+
+def check_front_end(bundle: ReadBundle, model: Model, *, holds: bool = True) -> None:
     """Refuse a front end that is not what this version writes for ``model``, the bundle's, or that is there in part.
 
+    Args:
+        bundle: The bundle.
+        model: Its model.
+        holds: Whether bundles for its board have files for a front end.
     Raises:
         BundleError: it is another.
     """
@@ -61,7 +82,7 @@ def check_front_end(bundle: ReadBundle, model: Model) -> None:
     if said is None and not held:
         return
     taken = [(image.chip, image.core) for image in core_images(bundle)]
-    files, facts = front_end_files(model.config.encoder.front_end, BOARDS[bundle.target], taken)
+    files, facts = front_end_files(model.config.encoder.front_end, BOARDS[bundle.target], taken, holds=holds)
     if facts is None or json.dumps(said, sort_keys=True) != json.dumps(facts, sort_keys=True):
         raise BundleError(f"{bundle.at(MANIFEST)}: what it says of a front end is not what its settings make; {AGAIN}")
     if held - set(files):
@@ -76,7 +97,7 @@ def front_end_player(bundle: ReadBundle) -> FrontEndPlayer | None:
         It, or None if the bundle holds none.
     """
     said = bundle.manifest.get(FRONT_END)
-    if said is None:
+    if said is None or LEFT_OUT in said:
         return None
     tables = {
         name: bundle.array(_TABLE.format(name), np.int32, (size, 3)) for name, size in said["populations"].items()

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.bundle.front_end import held_sentence
 from lava_vpr.deploy.hardware.belief import HardwareBelief
 from lava_vpr.deploy.show.tables import modelled_time
 from lava_vpr.model import Model
@@ -17,7 +19,7 @@ It recognises {places} places (`{first}` to `{last}`) with {neurons} excitatory 
 and {inputs} inputs; weights of {bits} bits{signs}; {steps} steps of input a query, then {silent} silent ones.
 Input is {way}.
 {time}
-
+{before}
 {programs}
 ## What is what
 
@@ -95,8 +97,8 @@ _GAINED = """\
   `Q/activity.npy` alone, the activity of the same images in order, float32 (n, inputs), `--queries Q` does so.
 """
 _FRONT_END = """\
-- `front_end/cores/`, `front_end/host/`: the spiking front end, in the same formats, on cores of its own: pixels'
-  biases are written once an image. `program/run.py` runs the place network only; lava-vpr's backend `bundle` runs both.
+- `front_end/cores/`, `front_end/host/`: the spiking front end, in the same formats: pixels' biases are written once an
+  image.
 """
 _INJECTED = "{} trains, injected spike by spike"
 _BIAS = "integrated by input compartments from a bias written once a query"
@@ -111,7 +113,7 @@ def readme(
     *,
     learning: bool = False,
     gained: bool = False,
-    front_end: bool = False,
+    front_end: Mapping[str, Any] | None = None,
 ) -> bytes:
     """What the folder is and how to run it.
 
@@ -123,7 +125,7 @@ def readme(
         unproven: The rows of the table of hardware that it rests on and no public source shows.
         learning: Whether the bundle also holds the network that learns.
         gained: Whether it also holds the gains and biases of a drive's queries.
-        front_end: Whether it also holds the spiking front end.
+        front_end: What its manifest says of a spiking front end; None: the model has none.
     """
     network = plan.network
     text = _TEXT.format(
@@ -140,8 +142,9 @@ def readme(
         silent=network.silent_steps,
         time=textwrap.fill(modelled_time(plan), 110),
         way=_BIAS if network.bias_input else _INJECTED.format("regular" if network.regular else "Poisson"),
+        before=f"\n{textwrap.fill(held_sentence(front_end), 110)}\n" if front_end else "",
         programs=guide,
-        parts=parts + _LEARNING * learning + _GAINED * gained + _FRONT_END * front_end,
+        parts=parts + _LEARNING * learning + _GAINED * gained + _FRONT_END * ("cores" in (front_end or ())),
         unproven="\n".join(f"- {row.name}: if it is wrong, {row.breaks}" for row in unproven),
     )
     return text.encode()

@@ -150,7 +150,7 @@ def open_whole(path: Path) -> tuple[ReadBundle, Model]:
             raise BundleError(f"{whole_bundle.at(SETTINGS)}: is for a board that does not learn; {AGAIN}")
         check_learning(whole_bundle, model)
     check_gains(whole_bundle, model)
-    check_front_end(whole_bundle, model)
+    check_front_end(whole_bundle, model, holds=target.holds_front_end)
     return whole_bundle, replace(model, bundle=path)
 
 

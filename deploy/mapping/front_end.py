@@ -28,6 +28,8 @@ Ways = Sequence[tuple[str, str, csr_matrix]]
 """
 EVENTS = "events"
 """The source of synapses whose spikes come from a camera."""
+NO_AXONS = "no public source shows how events of a camera come to axons of the chip"
+"""Why no bundle holds a front end that events drive."""
 LIMITS = ("compartments", "axons in", "synapse memory")
 """Limits of a core, as `PlacedPopulation.binds` has them."""
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix
 
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.mapping.front_end import PlacedFrontEnd, largest_weight, placed
+from lava_vpr.deploy.mapping.front_end import NO_AXONS, PlacedFrontEnd, largest_weight, placed
 from lava_vpr.deploy.registers.core_images import CoreImage, core_registers
 from lava_vpr.deploy.registers.synapse_memory import pack
 from lava_vpr.deploy.registers.synapses import Formats, SynapseFormat, SynapseRows, index_bits, joined
@@ -45,12 +45,14 @@ def front_end_images(spec: FrontEnd, board: Board, taken: Sequence[tuple[int, in
     Raises:
         NetworkLimitError: it cannot stand there, or events drive its pixels, for which there are no axons.
     """
+    if spec.window:
+        raise NetworkLimitError(NO_AXONS)
     ways = stored_weights(spec, board)
     stored = [(source, target, _synapses(row, board)) for (source, target, _), row in ways.items()]
     plan, free = placed(spec, board, stored), _free(board, taken)
     exceeded = plan.exceeded(len(taken))
-    if exceeded or spec.window:
-        raise NetworkLimitError(exceeded or "no public source shows how events of a camera come to axons of the chip")
+    if exceeded:
+        raise NetworkLimitError(exceeded)
     tables = _tables(plan, free)
     rows: dict[tuple[str, int], tuple[SynapseRows, Formats]] = {}
     axons: dict[Way, NDArray[np.int64]] = {}  # the input axon of each source neuron on each core of the target, or -1

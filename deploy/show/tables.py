@@ -137,8 +137,14 @@ def busiest(plan: Plan) -> CorePlan:
     return max(plan.cores, key=lambda core: core.microseconds or 0.0)
 
 
-def front_end_table(placed: PlacedFrontEnd, others: int) -> Table:
-    """What the populations of a spiking front end would take, and whether they fit beside ``others`` cores."""
+def front_end_table(placed: PlacedFrontEnd, others: int, left_out: str = "") -> Table:
+    """What the populations of a spiking front end would take, and whether they fit beside ``others`` cores.
+
+    Args:
+        placed: Where they stand.
+        others: Cores of the place network.
+        left_out: Why a bundle leaves them out even if they fit; empty: it does not.
+    """
     board, exceeded = placed.board, placed.exceeded(others)
     rows = []
     for name, each in placed.populations.items():
@@ -155,6 +161,8 @@ def front_end_table(placed: PlacedFrontEnd, others: int) -> Table:
         f"{fits} No board's program runs it (unproven): a board is sent what the host counts. "
         "Each population stands on cores of its own, in sparse rows of weights that nothing shares.",
     ]
+    if left_out:
+        notes.append(f"No bundle holds it: {left_out}.")
     if isinstance(board.clearing, LifReset) and (reset := reset_interval(placed.steps)) != placed.steps:
         notes.append(f"Its {placed.steps} steps would be {reset}: neurons are reset at powers of two.")
     heads = ("neurons", "synapses", "cores", "compartments", "axons in", "axons out", "memory", "what binds")

@@ -5,7 +5,7 @@ A model that is no bundle is deployed to a temporary one first.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -100,23 +100,24 @@ class BundleBackend:
 
 
 def front_end_trains(
-    model: Model, grey: NDArray[np.uint8], advance: Advance | None = None
-) -> Mapping[str, NDArray[np.uint8]]:
-    """Simulate the registers and memory of the spiking front end of a bundle; reads nothing else.
+    model: Model, blocks: Iterable[NDArray[np.uint8]], advance: Advance | None = None
+) -> Iterator[Mapping[str, NDArray[np.uint8]]]:
+    """Simulate the registers and memory of the spiking front end of a bundle, which is opened once; reads nothing else.
 
     Args:
         model: The bundle's model.
-        grey: Grey levels of each image's pixels, uint8 (n, height, width).
+        blocks: Grey levels of images' pixels, uint8 (n, height, width).
         advance: Called with the number of images that are done.
-    Returns:
-        Every spike of each population by name, uint8 (n, steps, neurons); nothing if the bundle holds no front end.
+    Yields:
+        Of a block every spike of each population by name, uint8 (n, steps, neurons); nothing if the bundle holds no
+        front end.
     """
     with bundle_of(model) as bundle:
         play = front_end_player(bundle)
-        films = {} if play is None else play(grey)
-    if advance is not None:
-        advance(len(grey))
-    return films
+        for grey in blocks:
+            yield {} if play is None else play(grey)
+            if advance is not None:
+                advance(len(grey))
 
 
 @dataclass(frozen=True)

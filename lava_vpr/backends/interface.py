@@ -5,7 +5,7 @@ Every other backend is compared with the host's, the compiled engine on this mac
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, Protocol
@@ -29,9 +29,9 @@ from lava_vpr.model import Model, checked_network
 Advance = Callable[[int], None]
 """A function called with how many more presentations are done."""
 
-RunFrontEnd = Callable[[Model, NDArray[np.uint8], Advance | None], Mapping[str, NDArray[np.uint8]]]
-"""Runs the spiking front end of a model (`front_end_of`) on what its pixels take of images, uint8 (n, height, width):
-every spike of each population by name, uint8 (n, steps, neurons)."""
+RunFrontEnd = Callable[[Model, Iterable[NDArray[np.uint8]], Advance | None], Iterator[Mapping[str, NDArray[np.uint8]]]]
+"""Runs the spiking front end of a model (`front_end_of`) on what its pixels take of blocks of images, uint8 (n, height,
+width) each: of each block every spike of each population by name, uint8 (n, steps, neurons)."""
 
 
 def front_end_of(model: Model) -> FrontEnd:

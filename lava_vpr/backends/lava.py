@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -121,19 +122,20 @@ class LavaBackend:
 
 
 def front_end_trains(
-    job: str, model: Model, grey: NDArray[np.uint8], advance: Advance | None = None
-) -> dict[str, NDArray[np.uint8]]:
-    """Run the spiking front end as Lava Processes: every spike of each population by name, uint8 (n, steps, neurons).
+    job: str, model: Model, blocks: Iterable[NDArray[np.uint8]], advance: Advance | None = None
+) -> Iterator[dict[str, NDArray[np.uint8]]]:
+    """Run the spiking front end as Lava Processes; see `lava_vpr.backends.interface.RunFrontEnd`.
 
     Args:
         job: Function of `lava_vpr.processes.jobs.front_end`.
         model: Whose front end.
-        grey: What its pixels take of each image, uint8 (n, height, width).
+        blocks: What its pixels take of images, a run for each block, uint8 (n, height, width).
         advance: Called with the number of images that are done.
     """
-    spec = front_end_of(model)
-    target, timeout = f"lava_vpr.processes.jobs.front_end:{job}", 120 + len(grey) * spec.steps / SLOWEST
-    return run_isolated(target, {"grey": grey}, {"spec": asdict(spec)}, timeout=timeout, progress=advance)
+    spec, target = front_end_of(model), f"lava_vpr.processes.jobs.front_end:{job}"
+    for grey in blocks:
+        timeout = 120 + len(grey) * spec.steps / SLOWEST
+        yield run_isolated(target, {"grey": grey}, {"spec": asdict(spec)}, timeout=timeout, progress=advance)
 
 
 def lava_missing() -> str | None:

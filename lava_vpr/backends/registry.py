@@ -6,7 +6,7 @@ counts, bit for bit, on every exact backend.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 
 import numpy as np
@@ -33,12 +33,12 @@ def _bundle(threads: int, advance: Advance | None) -> Backend:
 
 
 def _bundle_front_end(
-    model: Model, grey: NDArray[np.uint8], advance: Advance | None
-) -> Mapping[str, NDArray[np.uint8]]:
+    model: Model, blocks: Iterable[NDArray[np.uint8]], advance: Advance | None
+) -> Iterator[Mapping[str, NDArray[np.uint8]]]:
     """The front end in a bundle."""
     from lava_vpr.backends.deployed import front_end_trains as simulated
 
-    return simulated(model, grey, advance)
+    return simulated(model, blocks, advance)
 
 
 def _kapoho_bay(threads: int, advance: Advance | None) -> Backend:
@@ -65,7 +65,7 @@ for _row in (
         timing="compiled",
         default=True,
         together=256,
-        front_end=lambda model, grey, advance: front_end_of(model).trains(grey),
+        front_end=lambda model, blocks, advance: map(front_end_of(model).trains, blocks),
     ),
     BackendRow(
         "lava-fixed",

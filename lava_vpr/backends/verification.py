@@ -162,11 +162,12 @@ def _before(run: RunFrontEnd | None, shown: FrontEndQueries | None, advance: Adv
     """Compare what a backend's front end makes of the images, some at a time, with the host's."""
     if run is None or shown is None:
         return SpikesCompared({})
-    found = []
-    for start in range(0, len(shown.grey), AT_ONCE):
-        part = slice(start, start + AT_ONCE)
-        host = front_end_of(shown.model).trains(shown.grey[part])
-        found.append(compare(host, run(shown.model, shown.grey[part], advance), shown.names[part]))
+    parts = [slice(start, start + AT_ONCE) for start in range(0, len(shown.grey), AT_ONCE)]
+    spec, films = front_end_of(shown.model), run(shown.model, (shown.grey[part] for part in parts), advance)
+    found = [
+        compare(spec.trains(shown.grey[part]), theirs, shown.names[part])
+        for part, theirs in zip(parts, films, strict=True)
+    ]
     spikes = {population: sum(each.spikes[population] for each in found) for population in found[0].spikes}
     first = next((each.first for each in found if each.first is not None), None)
     return SpikesCompared(spikes, sum(each.differing for each in found), first)

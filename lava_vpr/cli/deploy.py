@@ -27,7 +27,7 @@ from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.bundle.compression import Changes, Compressed, CompressionFigures, for_board
 from lava_vpr.deploy.bundle.deployment import Deployed, deploy as write_bundle, unproven
 from lava_vpr.deploy.bundle.folder import check_replaceable
-from lava_vpr.deploy.bundle.front_end import FRONT_END
+from lava_vpr.deploy.bundle.front_end import FRONT_END, held_sentence
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import shown
@@ -153,22 +153,10 @@ def deploy(
     learned = _learned(model, calibration) if learning and calibration is not None else None
     compared = [] if compressed.before is None else [_figures(compressed, learned)]
     said = placed(deployed.plan, compressed.notes, unproven(deployed.plan, learning=learning))
-    said += _front_end(model, deployed)
+    front_end = deployed.bundle.manifest.get(FRONT_END)
+    said += [] if front_end is None else [held_sentence(front_end)]
     values = _values(model, compressed, deployed, learned)
     show_results([*compared, *said, f"bundle: {shown(output)}"], {json_path: values})
-
-
-def _front_end(model: Model, deployed: Deployed) -> list[str]:
-    """What the bundle holds of the model's spiking front end, if it has one."""
-    held = deployed.bundle.manifest.get(FRONT_END)
-    if model.config.encoder.front_end is None:
-        return []
-    if held is None:
-        return ["No board runs the spiking front end: the host counts its spikes, the bundle holds the network alone."]
-    return [
-        f"The spiking front end stands on {held['cores']} cores more, which --backend bundle simulates; the board's "
-        "program runs the network alone, and the host counts the front end's spikes."
-    ]
 
 
 def _written(compressed: Compressed, board: Board, output: Path, **options: Any) -> Deployed:

@@ -64,14 +64,21 @@ def test_a_spiking_front_end_is_counted_for_each_board(quick: Path) -> None:
     assert "It fits beside the network's 1 of 256 cores. No board's program runs it (unproven)" in text
     text = " ".join(run("fit", "f.lvpr", "--target", "loihi2").stdout.split())
     assert "Whether it fits is unknown" in text
+    assert "No bundle holds it: a bundle for Loihi 2 has no files for it." in text
     assert "Its 29 steps would be 32: neurons are reset at powers of two." in text
     text = " ".join(run("deploy", "f.lvpr", "--target", "kapoho-bay", "-o", "fb").stdout.split())
-    assert "The spiking front end stands on 43 cores more, which --backend bundle simulates" in text
+    assert "The spiking front end stands on 43 cores more, which lava-vpr's --backend bundle simulates" in text
+    read = " ".join(Path("fb/README.md").read_text().split())
+    assert "The spiking front end stands on 43 cores more" in read
     facts = json.loads(Path("fb/manifest.json").read_text())["front_end"]
     assert (facts["steps"], facts["cores"], len(list(Path("fb/front_end/cores").iterdir()))) == (29, 43, 43)
-    assert "`program/run.py` runs the place network only" in " ".join(Path("fb/README.md").read_text().split())
+    assert "`front_end/cores/`" in read
     text = " ".join(run("deploy", "f.lvpr", "--target", "loihi2", "-o", "lb").stdout.split())
-    assert "No board runs the spiking front end: the host counts its spikes" in text
+    why = "The bundle holds no spiking front end: a bundle for Loihi 2 has no files for it."
+    read = " ".join(Path("lb/README.md").read_text().split())
+    assert why in text
+    assert why in read
+    assert "front_end/cores" not in read
     assert not Path("lb/front_end").exists()
 
 

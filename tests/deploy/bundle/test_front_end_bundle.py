@@ -14,9 +14,9 @@ import pytest
 
 from lava_vpr.backends import deployed
 from lava_vpr.backends.registry import BACKENDS
-from lava_vpr.deploy.boards.board import KAPOHO_BAY
+from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.bundle.folder import ReadBundle, array_bytes
-from lava_vpr.deploy.bundle.front_end import check_front_end, front_end_files, front_end_player
+from lava_vpr.deploy.bundle.front_end import check_front_end, front_end_files, front_end_player, held_sentence
 from lava_vpr.errors import BundleError
 from lava_vpr.inputs.front_end import FrontEnd
 
@@ -36,26 +36,53 @@ def bundle() -> ReadBundle:
 
 
 def test_backend_bundle_plays_what_a_bundle_holds(bundle: ReadBundle, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened = []
+
     @contextmanager
     def in_place_of_a_file(model: object) -> Any:
+        opened.append(model)
         yield bundle
 
     monkeypatch.setattr(deployed, "bundle_of", in_place_of_a_file)
     grey = np.random.default_rng(1).integers(0, 256, (2, SPEC.height, SPEC.width)).astype(np.uint8)
     done, run = [], BACKENDS["bundle"].front_end
     assert run is not None
-    films, expected = run(model(), grey, done.append), SPEC.trains(grey)
-    assert done == [2]
-    assert list(films) == list(expected)
+    found, expected = list(run(model(), (grey[:1], grey[1:]), done.append)), SPEC.trains(grey)
+    assert (done, len(opened)) == ([1, 1], 1)
+    assert [list(films) for films in found] == [list(expected)] * 2
     for name, film in expected.items():
-        assert np.array_equal(films[name], film), name
+        assert np.array_equal(np.concatenate([films[name] for films in found]), film), name
         assert film.any()
 
 
-def test_what_a_board_cannot_hold_is_left_out() -> None:
-    for spec in (None, FrontEnd(width=8, window=8)):
-        assert front_end_files(spec, KAPOHO_BAY, ()) == ({}, None)
-    assert front_end_files(SPEC, replace(KAPOHO_BAY, cores=2), ()) == ({}, None)
+SMALL = replace(KAPOHO_BAY, cores=2)
+
+
+@pytest.mark.parametrize(
+    ("spec", "board", "holds", "reason"),
+    [
+        (FrontEnd(width=8, window=8), KAPOHO_BAY, True, "no public source shows how events of a camera come to axons"),
+        (SPEC, SMALL, True, "7 cores and 0 of the network, but Kapoho Bay (two Loihi 1 chips) has 4"),
+        (SPEC, LOIHI_2, False, "a bundle for Loihi 2 has no files for it"),
+    ],
+)
+def test_what_a_bundle_cannot_hold_is_left_out_and_it_says_why(
+    spec: FrontEnd, board: Board, holds: bool, reason: str
+) -> None:
+    files, facts = front_end_files(spec, board, (), holds=holds)
+    assert files == {}
+    assert facts is not None
+    assert held_sentence(facts).startswith(f"The bundle holds no spiking front end: {reason}")
+    left_out = ReadBundle(Path("b"), {"target": board.name, "front_end": facts}, {})
+    assert front_end_player(left_out) is None
+    if board is not SMALL:
+        check_front_end(left_out, model(spec), holds=holds)
+    with pytest.raises(BundleError, match=r"is not what its settings make"):
+        check_front_end(left_out, model(None), holds=holds)
+
+
+def test_a_model_without_a_front_end_has_none_to_leave_out() -> None:
+    assert front_end_files(None, KAPOHO_BAY, ()) == ({}, None)
 
 
 def test_a_bundle_without_a_front_end_plays_none() -> None:
