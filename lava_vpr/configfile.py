@@ -104,7 +104,7 @@ def of_file(values: Any) -> Config:
     """As `from_dict`, of settings that are a model's: what older ones lack is off, whatever the preset has now."""
     if isinstance(values, dict) and isinstance(encoder := values.get("encoder"), dict) and "filters" in encoder:
         if encoder["filters"] != "":
-            raise ConfigError("encoder.filters: no input learns filters any more; train anew, with --input frontend")
+            raise ConfigError("encoder.filters: no input learns filters any more; train again with --input frontend")
         values = values | {"encoder": {name: value for name, value in encoder.items() if name != "filters"}}
     config = from_dict(values)
     if isinstance(config.network, LifNetwork) and "adapt" not in values.get("network", {}):

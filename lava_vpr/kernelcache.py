@@ -191,7 +191,7 @@ def _note(place: str, reason: str) -> None:
     if not _noted:
         _noted = True
         NOTES.warning(
-            "compiled kernels cannot be kept in %s (%s), so each command compiles them anew; free space there, or set "
+            "compiled kernels cannot be kept in %s (%s), so each command compiles them again; free space there, or set "
             "NUMBA_CACHE_DIR to a folder that can be written",
             place,
             reason,

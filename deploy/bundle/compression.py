@@ -146,7 +146,7 @@ def with_settings(model: Model, changes: Changes) -> Model:
     if model.learned.size == 0:
         at = "" if model.bundle is None else f"{shown(model.bundle)}: "
         raise ConfigError(
-            f"{at}there are no float weights to quantise anew (a bundle keeps none); use the model file that was "
+            f"{at}there are no float weights to quantise again (a bundle keeps none); use the model file that was "
             "deployed"
         )
     chosen = {name: value for name, value in changes._asdict().items() if value is not None}

@@ -106,7 +106,7 @@ def _stretch_learning(model: Model, stretch: Stretch, rates: NDArray[np.uint16])
     learning = config.learning
     if not stretch.neurons:
         places = f"{stretch.first_place}:{stretch.first_place + stretch.places}"
-        raise ConfigError(f"{PURPOSE} needs neurons, but those of places {places} went with removed ones; train anew")
+        raise ConfigError(f"{PURPOSE} needs neurons, but those of places {places} were removed; train again")
     if learning.rule != "stdp":
         raise ConfigError(f"{PURPOSE} takes rule stdp alone, not {learning.rule}; train with --learning integer")
     inputs, spikes = config.encoder.inputs, config.encoder.train_spikes

@@ -215,7 +215,7 @@ def simulate(
         effort.check("simulation_bytes", 8 * network.inputs**2, f"the relays of {network.inputs:,} inputs")
     if rates.ndim != 2 or rates.shape[1] != network.inputs:
         raise NetworkLimitError(
-            f"rates are {rates.shape}, but the bundle's network has {network.inputs} inputs; encode them anew"
+            f"rates are {rates.shape}, but the bundle's network has {network.inputs} inputs; encode them again"
         )
     weights, parameters = network.stored[0].astype(np.int16), parameters_of(network)
     general = general_network(weights, network.bias_registers[0], parameters)

@@ -68,7 +68,7 @@ def sweepable(model: Model) -> str | None:
     if as_integer(model) is None:
         return str(CONDUCTANCE.refusal("the search of settings"))
     if not model.learned.size:
-        return "a bundle has no float weights to quantise anew; give the model that was deployed"
+        return "a bundle has no float weights to quantise again; give the model that was deployed"
     return None
 
 

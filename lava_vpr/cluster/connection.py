@@ -190,7 +190,7 @@ def at_worker(function: Callable[[Any, Any], Any], expected: Mapping[str, str], 
 
 
 def _differs(worker: str, other: str) -> str:
-    return f"{worker} has {other}; install the same versions on all machines, and start the workers anew"
+    return f"{worker} has {other}; install the same versions on all machines, and restart the workers"
 
 
 @contextmanager

@@ -75,7 +75,7 @@ def _opened(path: Path) -> Iterator[_Reader]:
         ) from None
     except (_BrokenError, ElementTree.ParseError, EOFError, RuntimeError, MemoryError) as error:
         raise InputError(
-            f"{shown(path)}: is damaged, cut short or no AEDAT4 file ({said(error)}); copy it again, or export it anew"
+            f"{shown(path)}: is damaged, cut short or no AEDAT4 file ({said(error)}); copy or export it again"
         ) from None
 
 

@@ -242,5 +242,5 @@ def _from_model(drawn: Drawn, like: IntegerModel, threads: int) -> Imported:
 
 def _remeasured(model: Model, notes: tuple[str, ...], threads: int) -> Imported:
     """``model`` with responses and calibration of its network as it is, which was made or altered elsewhere."""
-    said = "responses and calibration are measured anew on the references; float weights as learned are not kept"
+    said = "responses and calibration are measured again on the references; float weights as learned are not kept"
     return Imported(calibrated(remeasured(model, Pool(threads)), Pool(threads)), (*notes, said))

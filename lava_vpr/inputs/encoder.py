@@ -365,11 +365,11 @@ def check_encoded(encoded: EncodedTraverse, encoder: EncoderConfig, what: str) -
         if array is not None and (array.dtype != dtype or array.shape != shape):
             raise InputError(
                 f"{what} have {name} of type {array.dtype} and shape {array.shape}, not {np.dtype(dtype)} {shape}; "
-                "encode them anew"
+                "encode them again"
             )
     most = 255 if INPUTS[encoder.kind].grey_levels else np.finfo(np.float32).max
     with np.errstate(invalid="ignore"):  # NaN fits no range
         fits = activity.size == 0 or (activity.min() >= 0 and activity.max() <= most)
     if not fits or encoded.indices.min(initial=0) < 0:
         wrong = "indices below 0" if fits else f"activity that is not in 0..{most:g}"
-        raise InputError(f"{what} have {wrong}; encode them anew")
+        raise InputError(f"{what} have {wrong}; encode them again")

@@ -100,7 +100,7 @@ def remove(model: Model, places: Iterable[int], *, path: Path | None = None, poo
         raise InputError(f"of {model.places} places {left} would be left, but a map has at least 2; remove fewer")
     stretches, kept = _without(model, gone)
     if not kept.any():
-        raise InputError("no neuron would be left for the other places; remove fewer, or train these anew")
+        raise InputError("no neuron would be left for the other places; remove fewer, or train these again")
     route = part.route
     positions = None if route.positions is None else route.positions.take(~gone)
     kept_references = [reference.take(np.flatnonzero(~gone)) for reference in route.references]

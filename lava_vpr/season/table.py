@@ -88,7 +88,7 @@ class GainTable:
         if self.network_of != network_of(model):
             raise ConfigError(
                 f"{self.name}: was written with another model (other weights or inputs); give that model, or write it "
-                "anew with --learn --gains"
+                "again with --learn --gains"
             )
         try:
             check_array(self.gains, "gains", np.uint8, (len(self.gains), model.network.inputs), "write it again")
@@ -104,8 +104,8 @@ class GainTable:
         """
         if queries > len(self.images):
             raise InputError(
-                f"{self.name}: has {len(self.images):,} queries, but {queries:,} are asked; ask no more, or write it "
-                "anew with --learn --gains"
+                f"{self.name}: has {len(self.images):,} queries, but {queries:,} are asked; give no more, or write it "
+                "again with --learn --gains"
             )
 
 

@@ -167,7 +167,7 @@ for _study in (
         values=(0.5, 0.75, 1, 1.5, 2, 3),
         points=neuron_points,
         measure=measure_learned,
-        note="Excitatory neurons for each place (network.neurons_per_place), learned anew for each number. covered: "
+        note="Excitatory neurons for each place (network.neurons_per_place), learned again for each number. covered: "
         "places that some neuron responds to most.",
         whole=False,
         costed=True,
@@ -193,7 +193,7 @@ for _study in (
         points=partial(requantised_points, "weight_bits"),
         measure=measure_requantised,
         costed=True,
-        note="One learned model for each seed, quantised anew; a sign takes a bit more. All else is as the settings "
+        note="One learned model for each seed, quantised again; a sign takes a bit more. All else is as the settings "
         "say.",
     ),
     Study(

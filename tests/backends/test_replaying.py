@@ -133,13 +133,13 @@ def test_other_queries_than_the_table_s_are_refused(table: Path) -> None:
     before = content(Path())
     said = fails("query", "m.lvpr", some, "--replay", table, "-o", "q.csv")
     assert said.startswith(
-        "g.lvpg: its query 0 is another image than place_00001.png; give the images that it was written of"
+        "g.lvpg: its query 0 is another image than place_00001.png; give the images that it was written from"
     )
     assert content(Path()) == before
     listed("some.txt", [*images("query"), images("query")[0]])
     for words in (("query", "-o", "q.csv"), ("query", "-o", "q.csv", "--backend", "bundle")):
         said = fails(words[0], "m.lvpr", some, *words[1:], "--replay", table)
-        assert said.startswith("g.lvpg: has 8 queries, but 9 are asked; ask no more, or write it anew")
+        assert said.startswith("g.lvpg: has 8 queries, but 9 are asked; give no more, or write it again")
 
 
 def test_another_model_s_table_is_refused(table: Path) -> None:

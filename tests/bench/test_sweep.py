@@ -180,7 +180,7 @@ def test_settings_go_in_and_come_out() -> None:
 
 def test_what_cannot_be_swept_is_refused() -> None:
     one = case()
-    with pytest.raises(ConfigError, match="no float weights to quantise anew"):
+    with pytest.raises(ConfigError, match="no float weights to quantise again"):
         sweep(dataclasses.replace(one, model=dataclasses.replace(one.model, learned=np.zeros((0, 0), np.float32))))
     with pytest.raises(ConfigError, match="the search of settings needs an integer network"):
         current(dataclasses.replace(one.model, config=tiny_paper()))

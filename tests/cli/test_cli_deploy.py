@@ -119,7 +119,7 @@ def test_deploy_writes_a_bundle(target: str, here: Path) -> None:
     assert read(Path("b")).files == bundle.files
     # A bundle is a model, too, but for its float weights.
     run("fit", "b", "--target", target)
-    assert "no float weights to quantise anew" in fails("fit", "b", "--target", target, "--weight-bits", 2)
+    assert "no float weights to quantise again" in fails("fit", "b", "--target", target, "--weight-bits", 2)
 
 
 def test_on_loihi_2_inputs_integrate_a_bias_unless_asked(here: Path) -> None:

@@ -303,7 +303,7 @@ def test_models_of_before_without_learned_filters_are_read_and_those_with_them_r
     before["encoder"]["filters"] = ""
     assert f.of_file(before) == config
     before["encoder"]["filters"] = "AAAA"
-    with pytest.raises(ConfigError, match=r"^encoder\.filters: no input learns filters any more; train anew, with"):
+    with pytest.raises(ConfigError, match=r"^encoder\.filters: no input learns filters any more; train again with"):
         f.of_file(before)
 
 

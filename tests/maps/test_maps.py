@@ -351,7 +351,7 @@ def test_a_map_without_a_neuron_is_refused() -> None:
         maps.remove(dataclasses.replace(made, responses=silent), [5, 9])
     left = maps.remove(dataclasses.replace(made, responses=silent), [5])
     assert [(s.places, s.neurons, s.removed) for s in left.stretches] == [(3, 0, 1), (4, 4, 0)]
-    with pytest.raises(ConfigError, match="needs neurons, but those of places 0:3 went with removed ones; train anew"):
+    with pytest.raises(ConfigError, match="needs neurons, but those of places 0:3 were removed; train again"):
         chip_learning(left)
 
 

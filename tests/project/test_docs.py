@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shlex
 from pathlib import Path
@@ -128,3 +129,17 @@ compared with, threshold, ignored, inhibits, instead of, something else, repairs
 def test_pages_and_help_speak_the_fields_english(page: Path) -> None:
     text = " ".join(page.read_text(encoding="utf-8").lower().split())
     assert [turn for turn in TRANSLATED if turn in text] == []
+
+
+@pytest.mark.parametrize("room", ["lava_vpr", "processes", "deploy"])
+def test_messages_speak_the_fields_english(room: str) -> None:
+    said = [
+        (path.name, word.value.lower())
+        for path in sorted((ROOT / room).rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Raise | ast.Return)
+        for word in ast.walk(node)
+        if isinstance(word, ast.Constant) and isinstance(word.value, str)
+    ]
+    assert len(said) > 20
+    assert [(name, turn) for name, text in said for turn in TRANSLATED if turn.strip() in text] == []

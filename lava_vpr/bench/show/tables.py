@@ -124,7 +124,7 @@ def gains(row: GainsCost, queries: int) -> Table:
     cells = [("inputs with a gain below 15", figure(row.lessened), "mean of the queries")]
     if row.weights:
         cells += [
-            ("board: weights written anew", f"{row.weights:,}", once),
+            ("board: weights rewritten", f"{row.weights:,}", once),
             ("board: bytes of these", f"{row.weight_bytes:,}", once),
         ]
         note = "Gains are in the weights: a query takes no product and no register for them. Indices of rows left out."

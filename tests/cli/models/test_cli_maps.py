@@ -200,7 +200,7 @@ def test_the_network_alone_answers_like_the_model_that_lends_it_references(here:
     run("train", "reference", "-o", "other.lvpr", "--config", "quick.toml", "--learning", "template")
     said = run("import", "net.h5", "-o", "b.lvpr", "--format", "nir", "--like", "other.lvpr")
     assert said.stderr == (
-        "note: responses and calibration are measured anew on the references; float weights as learned are not kept\n"
+        "note: responses and calibration are measured again on the references; float weights as learned are not kept\n"
     )
     run("export", "b.lvpr", "-o", "b.nir")
     run("import", "b.nir", "-o", "c.lvpr")

@@ -62,7 +62,7 @@ def queries(places: int = 8, noise: float = 0.5) -> tuple[EncodedTraverse, np.nd
     return seen, np.eye(places, dtype=bool)
 
 
-# --- quantised anew --------------------------------------------------------------------------------------------------
+# --- quantised again -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -125,7 +125,7 @@ def test_the_smallest_weights_of_each_neuron_go(learned: np.ndarray, share: floa
 
 def test_what_cannot_be_quantised_anew_is_refused() -> None:
     bare = replace(trained(bits=1), learned=np.zeros((0, 0), np.float32))
-    with pytest.raises(ConfigError, match=r"no float weights to quantise anew .* use the model file that was deployed"):
+    with pytest.raises(ConfigError, match=r"to quantise again .* use the model file that was deployed"):
         compression.requantised(bare)
     assert compression.for_board(bare, KAPOHO_BAY).model is bare  # nothing has to be done
     float_network = initial_state(preset("paper"), 784)
