@@ -23,6 +23,7 @@ from lava_vpr.cli.show.boards import (
     target_option,
     weight_bits_option,
 )
+from lava_vpr.cli.show.headings import CHANGED, IMAGES, LEARNED, OUTPUT, SEASON, Headed, under
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.bundle.compression import Changes, Compressed, CompressionFigures, for_board
 from lava_vpr.deploy.bundle.deployment import Deployed, deploy as write_bundle, unproven
@@ -79,45 +80,71 @@ class CalibrationImages:
         return encode_queries(traverse, model)[0], aligned_truth(model, traverse)
 
 
-@click.command()
+@click.command(cls=Headed)
 @click.argument("model_path", metavar="MODEL", type=PATH)
-@target_option
-@click.option("-o", "--output", required=True, type=PATH, metavar="BUNDLE", help="Folder to write.")
-@weight_bits_option
-@click.option(
-    "--prune",
-    type=Number(0, 1, max_open=True),
-    default=None,
-    metavar="P",
-    help="Share of each neuron's weights to set to 0, smallest first (default: none).",
+@under(
+    OUTPUT,
+    target_option,
+    click.option("-o", "--output", required=True, type=PATH, metavar="BUNDLE", help="Folder to write."),
 )
-@click.option("--calibrate", type=str, default=None, metavar="QUERY", help="Images to compare recall before and after.")
-@click.option(
-    "--max-loss",
-    type=Number(0, 1),
-    default=None,
-    metavar="X",
-    help="Find the cheapest weights that lose at most this much R@1, a fraction, on the --calibrate images.",
+@under(
+    CHANGED,
+    weight_bits_option,
+    click.option(
+        "--prune",
+        type=Number(0, 1, max_open=True),
+        default=None,
+        metavar="P",
+        help="Share of each neuron's weights to set to 0, smallest first (default: none).",
+    ),
+)
+@under(
+    IMAGES,
+    click.option(
+        "--calibrate", type=str, default=None, metavar="QUERY", help="Images to compare recall before and after."
+    ),
+)
+@under(
+    CHANGED,
+    click.option(
+        "--max-loss",
+        type=Number(0, 1),
+        default=None,
+        metavar="X",
+        help="Find the cheapest weights that lose at most this much R@1, a fraction, on the --calibrate images.",
+    ),
 )
 @places_option("Images A..B-1 of --calibrate (default: the model's own range).")
 @every_option
-@input_mode_option
-@dense_rows_option
+@under(
+    CHANGED,
+    input_mode_option,
+    dense_rows_option,
+)
 @applied_option
-@click.option(
-    "--replay",
-    type=PATH,
-    default=None,
-    metavar="FILE",
-    help="Add the gains and biases in FILE, written by --gains: BUNDLE's program then presents the same queries with "
-    "them.",
+@under(
+    SEASON,
+    click.option(
+        "--replay",
+        type=PATH,
+        default=None,
+        metavar="FILE",
+        help="Add the gains and biases in FILE, written by --gains: BUNDLE's program then presents the same queries "
+        "with them.",
+    ),
 )
-@click.option(
-    "--learning",
-    is_flag=True,
-    help="Loihi 2: add the network that learns; with --calibrate, also train it and print its recall.",
+@under(
+    LEARNED,
+    click.option(
+        "--learning",
+        is_flag=True,
+        help="Loihi 2: add the network that learns; with --calibrate, also train it and print its recall.",
+    ),
 )
-@json_option("the figures")
+@under(
+    OUTPUT,
+    json_option("the figures"),
+)
 @noun("changes", Changes)
 @noun("images", CalibrationImages)
 def deploy(

@@ -12,6 +12,7 @@ from lava_vpr.cli.common import PATH, VALUES, RegisteredName, encode_in_views, p
 from lava_vpr.cli.nouns import WrittenFiles, every_option, jobs_option, places_option, results_options
 from lava_vpr.cli.outputs import Outputs, command_line
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
+from lava_vpr.cli.show.headings import IMAGES, LEARNED, MEASURED, Headed, under
 from lava_vpr.cli.show.learning import TERMINAL
 from lava_vpr.config import PRESETS, Config
 from lava_vpr.encoding import Keep
@@ -30,35 +31,46 @@ from lava_vpr.training.preparing import check_references
 from lava_vpr.traverse import open_traverse, open_traverses
 
 
-@click.command()
+@click.command(cls=Headed)
 @click.argument("name", metavar="STUDY", type=RegisteredName(STUDIES))
 @click.argument("references", nargs=-1, required=True, type=str, metavar="REFERENCE...")
-@click.option("--query", required=True, type=str, help="The query images; image i shows place i.")
+@under(
+    IMAGES,
+    click.option("--query", required=True, type=str, help="The query images; image i shows place i."),
+)
 @places_option("Images A..B-1 of each REFERENCE and of the query (default: all).")
 @every_option
-@click.option("--preset", "preset_name", type=click.Choice(list(PRESETS)), default=None, help="Settings to start from.")
-@click.option("--config", "config_file", type=PATH, default=None, metavar="FILE", help="Settings in TOML.")
-@click.option(
-    "--tolerance",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Places off that still count.",
+@under(
+    LEARNED,
+    click.option(
+        "--preset", "preset_name", type=click.Choice(list(PRESETS)), default=None, help="Settings to start from."
+    ),
+    click.option("--config", "config_file", type=PATH, default=None, metavar="FILE", help="Settings in TOML."),
 )
-@click.option(
-    "--seeds",
-    type=whole_numbers(0),
-    default=(0, 1, 2),
-    metavar="N,N,...",
-    help="Seeds; every point is measured with each.  [default: 0,1,2]",
-)
-@click.option(
-    "--values",
-    type=VALUES,
-    default=(),
-    metavar="X,X,...",
-    help="Points to measure instead of the study's own: numbers of places, of neurons a place, bits, steps, places of "
-    "a module, members.",
+@under(
+    MEASURED,
+    click.option(
+        "--tolerance",
+        type=click.IntRange(min=0),
+        default=0,
+        show_default=True,
+        help="Places off that still count.",
+    ),
+    click.option(
+        "--seeds",
+        type=whole_numbers(0),
+        default=(0, 1, 2),
+        metavar="N,N,...",
+        help="Seeds; every point is measured with each.  [default: 0,1,2]",
+    ),
+    click.option(
+        "--values",
+        type=VALUES,
+        default=(),
+        metavar="X,X,...",
+        help="Points to measure instead of the study's own: numbers of places, of neurons a place, bits, steps, places "
+        "of a module, members.",
+    ),
 )
 @jobs_option
 @cluster_option

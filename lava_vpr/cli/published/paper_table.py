@@ -12,6 +12,7 @@ from lava_vpr.cli.common import PATH, Parsed, progress_bar, seed_type, setting_t
 from lava_vpr.cli.nouns import jobs_option, json_option
 from lava_vpr.cli.outputs import Files, Outputs, command_line, show_results
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
+from lava_vpr.cli.show.headings import IMAGES, LEARNED, MEASURED, OUTPUT, Headed, under
 from lava_vpr.config import StdpLearning
 from lava_vpr.datasets.layouts import DATASETS
 from lava_vpr.errors import InputError, brief, shown
@@ -47,56 +48,71 @@ def named_paths(form: str, count: int = 0) -> Parsed:
     return Parsed(form, parse, lambda named: f"{named[0]}={','.join(path.name for path in named[1])}")
 
 
-@click.command("paper-table")
-@click.option(
-    "--dataset",
-    "folders",
-    type=named_paths("NAME=DIR", 1),
-    multiple=True,
-    help="The folder that holds a dataset in its official layout (lava-vpr datasets NAME).",
+@click.command("paper-table", cls=Headed)
+@under(
+    IMAGES,
+    click.option(
+        "--dataset",
+        "folders",
+        type=named_paths("NAME=DIR", 1),
+        multiple=True,
+        help="The folder that holds a dataset in its official layout (lava-vpr datasets NAME).",
+    ),
+    click.option(
+        "--traverses",
+        type=named_paths("NAME=REFERENCE,..,QUERY"),
+        multiple=True,
+        help="Plain traverses (folders, lists) in place of a dataset, the query last; every image is a place.",
+    ),
+    click.option(
+        "--positions",
+        type=named_paths("NAME=REFERENCE.csv,..,QUERY.csv"),
+        multiple=True,
+        help="Positions of each traverse of a dataset, the query's last, where the order of images does not tell their "
+        "places.",
+    ),
+    click.option(
+        "--descriptors",
+        type=named_paths("NAME=REF.npy,QUERY.npy", 2),
+        multiple=True,
+        help="Descriptors of a dataset, made by NetVLAD: a row for each place, or for each image, traverse after "
+        "traverse.",
+    ),
 )
-@click.option(
-    "--traverses",
-    type=named_paths("NAME=REFERENCE,..,QUERY"),
-    multiple=True,
-    help="Plain traverses (folders, lists) in place of a dataset, the query last; every image is a place.",
+@under(
+    MEASURED,
+    click.option(
+        "--only",
+        type=click.Choice(list(NETWORKS)),
+        multiple=True,
+        help="Compute only the rows of this network; repeat it for several (default: all).",
+    ),
+    click.option(
+        "--sections",
+        type=whole_numbers(),
+        default=(),
+        metavar="K,K,...",
+        help="Compute only these sections, counted from 1 (default: all of the paper's).",
+    ),
 )
-@click.option(
-    "--positions",
-    type=named_paths("NAME=REFERENCE.csv,..,QUERY.csv"),
-    multiple=True,
-    help="Positions of each traverse of a dataset, the query's last, where the order of images does not tell their "
-    "places.",
+@under(
+    LEARNED,
+    click.option("--epochs", type=setting_type(StdpLearning, "epochs"), default=None, help="Epochs of every network."),
+    click.option("--seed", type=seed_type, default=0, show_default=True, help="Seed of start weights and spikes."),
 )
-@click.option(
-    "--descriptors",
-    type=named_paths("NAME=REF.npy,QUERY.npy", 2),
-    multiple=True,
-    help="Descriptors of a dataset, made by NetVLAD: a row for each place, or for each image, traverse after traverse.",
-)
-@click.option(
-    "--only",
-    type=click.Choice(list(NETWORKS)),
-    multiple=True,
-    help="Compute only the rows of this network; repeat it for several (default: all).",
-)
-@click.option(
-    "--sections",
-    type=whole_numbers(),
-    default=(),
-    metavar="K,K,...",
-    help="Compute only these sections, counted from 1 (default: all of the paper's).",
-)
-@click.option("--epochs", type=setting_type(StdpLearning, "epochs"), default=None, help="Epochs of every network.")
-@click.option("--seed", type=seed_type, default=0, show_default=True, help="Seed of start weights and spikes.")
 @jobs_option
 @cluster_option
 @click.option("--keep", type=PATH, default=None, metavar="DIR", help="Save finished sections in DIR, and reuse them.")
 @click.option("--kept-only", is_flag=True, help="Compute nothing: print the table of the sections saved so far.")
-@json_option("the table")
-@click.option("--csv", "csv_path", type=PATH, default=None, metavar="FILE", help="Write the table as CSV.")
-@click.option("--markdown", "markdown_path", type=PATH, default=None, metavar="FILE", help="Write it as Markdown.")
-@click.option("--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/paper_table.html.")
+@under(
+    OUTPUT,
+    json_option("the table"),
+    click.option("--csv", "csv_path", type=PATH, default=None, metavar="FILE", help="Write the table as CSV."),
+    click.option("--markdown", "markdown_path", type=PATH, default=None, metavar="FILE", help="Write it as Markdown."),
+    click.option(
+        "--report", "report_folder", type=PATH, default=None, metavar="DIR", help="Write DIR/paper_table.html."
+    ),
+)
 @click.pass_context
 def paper_table(
     ctx: click.Context,

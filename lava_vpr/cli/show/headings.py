@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 LEARNED = "What is learned"
+CHANGED = "How weights and inputs are changed"
 OUTPUT = "Output"
 IMAGES = "Images"
 POSITIONS = "Positions and times"
