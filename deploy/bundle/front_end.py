@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.bundle.core_files import CORES, HOST_TABLE, core_images, image_files
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle, array_bytes
+from lava_vpr.deploy.mapping.front_end import NO_AXONS
 from lava_vpr.deploy.mapping.front_end_images import front_end_images
 from lava_vpr.deploy.registers.front_end import FrontEndChips
 from lava_vpr.errors import BundleError, NetworkLimitError
@@ -27,11 +28,23 @@ _CORES, _TABLE = f"{FRONT_END}/{CORES}", f"{FRONT_END}/{HOST_TABLE}"
 
 LEFT_OUT = "left_out"
 """The key of the reason why it is left out."""
-NO_FILES = "a bundle for {} has no files for it"
 
 FrontEndPlayer = Callable[[NDArray[np.uint8]], Mapping[str, NDArray[np.uint8]]]
 """Every spike of each population by name, uint8 (n, steps, neurons), of images' grey levels, uint8 (n, height, width).
 """
+
+
+def barred(spec: FrontEnd, board: Board, *, holds: bool) -> str:
+    """Why no bundle for ``board`` holds the front end, whatever its size; empty: nothing bars it.
+
+    Args:
+        spec: The front end.
+        board: The board.
+        holds: Whether bundles for ``board`` have files for a front end.
+    """
+    if not holds:
+        return f"a bundle for {board.title} has no files for it"
+    return NO_AXONS if spec.window else ""
 
 
 def front_end_files(
@@ -47,9 +60,9 @@ def front_end_files(
     """
     if spec is None:
         return {}, None
+    if why := barred(spec, board, holds=holds):
+        return {}, {LEFT_OUT: why}
     try:
-        if not holds:
-            raise NetworkLimitError(NO_FILES.format(board.title))
         found = front_end_images(spec, board, taken)
     except NetworkLimitError as error:
         return {}, {LEFT_OUT: str(error)}

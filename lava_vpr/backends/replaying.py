@@ -33,7 +33,7 @@ class Replayer:
         if len(other):
             raise InputError(
                 f"{table.name}: its query {rows.start + other[0]} is another image than {views[0].names[other[0]]}; "
-                "give the images that it was written from, from the first on, or write it again with --learn --gains"
+                "give the images that it was written with, first one first, or write it again with --learn --gains"
             )
         self._done = rows.stop
         return under_gains(shown, views, table.gains[table.epoch[rows]], table.bias[rows], self._encoder)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.cli.common import PATH, Number, noun, stderr
+from lava_vpr.cli.nouns import tolerance_option
 from lava_vpr.cli.outputs import Outputs
 from lava_vpr.cli.show.headings import POSITIONS, TRUTH, under
 from lava_vpr.datasets.selecting import Selection
@@ -350,13 +351,7 @@ truth_options = noun(
             metavar="M",
             help=f"Metres within which a place is correct, where positions are known.  [default: {NEAR_M:g}]",
         ),
-        click.option(
-            "--tolerance",
-            type=click.IntRange(min=0),
-            default=0,
-            show_default=True,
-            help="Places off that still count.",
-        ),
+        tolerance_option,
     ),
 )
 """The options that say which places are correct, given to the command as ``truth``."""

@@ -137,16 +137,14 @@ def _front_end(encoder: EncoderConfig, board: Board, cores: int) -> tuple[list[T
     """Whether a spiking front end fits beside the network's ``cores``, for people and as JSON; nothing without."""
     if encoder.front_end is None:
         return [], {}
-    from lava_vpr.deploy.bundle.front_end import NO_FILES
+    from lava_vpr.deploy.bundle.front_end import barred
     from lava_vpr.deploy.bundle.targets import TARGETS
-    from lava_vpr.deploy.mapping.front_end import NO_AXONS, placed as placed_front_end
+    from lava_vpr.deploy.mapping.front_end import placed as placed_front_end
     from lava_vpr.deploy.show.tables import front_end_table
 
     with stage("placing the spiking front end"):
         found = placed_front_end(encoder.front_end, board)
-    left_out = NO_AXONS if encoder.front_end.window else ""
-    if not TARGETS[board.name].holds_front_end:
-        left_out = NO_FILES.format(board.title)
+    left_out = barred(encoder.front_end, board, holds=TARGETS[board.name].holds_front_end)
     return [front_end_table(found, cores, left_out)], {"front_end": found.as_json(cores)}
 
 

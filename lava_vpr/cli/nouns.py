@@ -58,6 +58,15 @@ def places_option(help: str) -> Callable[[Any], Any]:
     return under(IMAGES, click.option("--places", type=kind, default=None, help=help))
 
 
+tolerance_option = click.option(
+    "--tolerance",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Places off that still count.",
+)
+"""How many places off the true one an answer may be."""
+
 every_option = under(
     IMAGES,
     click.option(

@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from lava_vpr.cli.common import PATH, VALUES, RegisteredName, encode_in_views, progress_bar, whole_numbers
-from lava_vpr.cli.nouns import WrittenFiles, every_option, jobs_option, places_option, results_options
+from lava_vpr.cli.nouns import WrittenFiles, every_option, jobs_option, places_option, results_options, tolerance_option
 from lava_vpr.cli.outputs import Outputs, command_line
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.headings import IMAGES, LEARNED, MEASURED, Headed, under
@@ -49,13 +49,7 @@ from lava_vpr.traverse import open_traverse, open_traverses
 )
 @under(
     MEASURED,
-    click.option(
-        "--tolerance",
-        type=click.IntRange(min=0),
-        default=0,
-        show_default=True,
-        help="Places off that still count.",
-    ),
+    tolerance_option,
     click.option(
         "--seeds",
         type=whole_numbers(0),

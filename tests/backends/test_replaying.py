@@ -133,7 +133,7 @@ def test_other_queries_than_the_table_s_are_refused(table: Path) -> None:
     before = content(Path())
     said = fails("query", "m.lvpr", some, "--replay", table, "-o", "q.csv")
     assert said.startswith(
-        "g.lvpg: its query 0 is another image than place_00001.png; give the images that it was written from"
+        "g.lvpg: its query 0 is another image than place_00001.png; give the images that it was written with"
     )
     assert content(Path()) == before
     listed("some.txt", [*images("query"), images("query")[0]])
