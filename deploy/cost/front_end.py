@@ -1,7 +1,7 @@
 """What a presentation of the spiking front end costs, population by population; nothing of it was measured.
 
 Its spikes are counted, and what they make: synaptic operations as the board stores synapses, messages (one for each
-core that a spike goes to), accesses of neurons (each in each step, silent ones included), and updates, which a neuron
+row that a spike goes to), accesses of neurons (each in each step, silent ones included), and updates, which a neuron
 takes from the first step on in which something arrives or it has a bias, so at most. Cores are those of
 `deploy.mapping.front_end`; tiles that messages cross are left out, as these cores have no places on the mesh.
 
@@ -17,12 +17,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags, identity
+from scipy.sparse import csr_matrix, identity
 
 from lava_vpr.deploy.boards.board import LifReset
 from lava_vpr.deploy.boards.constants import CostConstants, Estimate, Level, total
 from lava_vpr.deploy.cost.embedded import BIAS_ACCESSES, ROOM, Accesses, received, sent
-from lava_vpr.deploy.mapping.front_end import EVENTS, PlacedFrontEnd, Rows, on_cores, stored_synapses
+from lava_vpr.deploy.mapping.front_end import EVENTS, PlacedFrontEnd, Rows, on_cores
 from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.inputs.front_end_network import populations
 from lava_vpr.loihi import NO_MEMORY_DECAY
@@ -122,8 +122,7 @@ def front_end_costs(spec: FrontEnd, plan: PlacedFrontEnd, grey: NDArray[np.uint8
         grey: What its pixels take of each image (`FrontEnd.seen`), uint8 (n, height, width), n at least 1.
     """
     board, constants = plan.board, plan.board.constants
-    rows = stored_synapses(spec, board)
-    blocks = [_counted(spec, plan, rows, grey[k : k + AT_ONCE]) for k in range(0, len(grey), AT_ONCE)]
+    blocks = [_counted(spec, plan, grey[k : k + AT_ONCE]) for k in range(0, len(grey), AT_ONCE)]
     found = {
         name: _Counted._make(map(np.concatenate, zip(*(each[name] for each in blocks), strict=True)))
         for name in plan.populations
@@ -189,33 +188,32 @@ class _Counted(NamedTuple):
         return LayerEvents(neurons, stored, active, spikes, operations, accesses, updates, messages)
 
 
-def _counted(spec: FrontEnd, plan: PlacedFrontEnd, rows: Rows, grey: NDArray[np.uint8]) -> dict[str, _Counted]:
+def _counted(spec: FrontEnd, plan: PlacedFrontEnd, grey: NDArray[np.uint8]) -> dict[str, _Counted]:
     """The events of every population."""
-    films, found = spec.trains(grey), {}
+    films, found, homes = spec.trains(grey), dict[str, _Counted](), dict[str, csr_matrix]()
     if spec.window:
         films[EVENTS] = spec.events(grey).astype(np.uint8)
     spiked = {name: csr_matrix(film.reshape(-1, film.shape[2]), dtype=np.int32) for name, film in films.items()}
     for name, each in plan.populations.items():
         shape = (len(grey), spec.steps, each.cores)
-        home = on_cores(identity(each.neurons, np.int32, "csr"), each.starts)
-        spikes = (spiked[name] @ home.T).toarray().reshape(shape).astype(np.float64)
-        first = _first_updates(spec, name, films, rows)
+        homes[name] = on_cores(identity(each.neurons, np.int32, "csr"), each.starts)
+        spikes = (spiked[name] @ homes[name].T).toarray().reshape(shape).astype(np.float64)
+        first = _first_updates(spec, name, films, plan.rows)
         begun = np.zeros((len(grey), spec.steps + 1, each.cores))
         np.add.at(begun, (np.arange(len(grey))[:, None], first, np.repeat(np.arange(each.cores), each.sizes)), 1)
         sizes = np.broadcast_to(each.sizes.astype(np.float64), shape)
         found[name] = _Counted(
             np.zeros(shape), np.zeros(shape), np.zeros(shape), spikes, begun.cumsum(axis=1)[:, :-1], sizes
         )
-    for (source, target), row in rows.items():
+    for (source, target, _), row in plan.rows.items():
         to = on_cores(row, plan.populations[target].starts)
         reached = to.astype(bool).astype(np.int32)
         for values, kept in ((to, found[target].operations), (reached, found[target].messages_in)):
             kept[:, 1:] += (spiked[source] @ values.T).toarray().reshape(kept.shape)[:, :-1]
         if source == EVENTS:
             continue
-        sender = plan.populations[source]
-        home = on_cores(diags(np.asarray(reached.sum(axis=0)).ravel(), format="csr", dtype=np.int32), sender.starts)
-        found[source].messages_out[:] += (spiked[source] @ home.T).toarray().reshape(found[source].spikes.shape)
+        sent = homes[source].multiply(reached.sum(axis=0)).tocsr()
+        found[source].messages_out[:] += (spiked[source] @ sent.T).toarray().reshape(found[source].spikes.shape)
     return found
 
 
@@ -227,7 +225,7 @@ def _first_updates(spec: FrontEnd, name: str, films: Films, rows: Rows) -> NDArr
         biased |= group.bias != 0
     n = len(films[name])
     first = np.where(biased, 0, np.full((n, group.size), spec.steps))
-    for (source, target), row in rows.items():
+    for (source, target, _), row in rows.items():
         if target == name:
             film, reached = films[source], np.diff(row.indptr) > 0
             times = np.where(film.any(axis=1), film.argmax(axis=1) + 1, spec.steps)

@@ -2,7 +2,8 @@
 
 No board's program runs them yet (docs/network.md): this counts what they take of its public limits. Each population
 stands on as few cores as hold its neurons in order, each core as many as compartments, input axons and synapse memory
-let. Rows are sparse: a synapse is a weight, its sign and an index. A weight of more bits is several synapses.
+let. Rows are sparse: a synapse is a weight, its sign and an index. A weight of more bits is two synapses, its upper
+part in a row of its own with an exponent: no row has two synapses to one neuron.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from scipy.sparse import csr_matrix
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.memory import row_words
 from lava_vpr.inputs.front_end import FrontEnd
-from lava_vpr.inputs.front_end_network import event_synapses, synapses
+from lava_vpr.inputs.front_end_network import all_weights, event_synapses, populations
+from lava_vpr.loihi import WEIGHT_EXPONENT_LIMIT
 
 Integers = NDArray[np.int64]
-Rows = Mapping[tuple[str, str], csr_matrix]
-"""Synapses (post, pre) by their source and target."""
-Ways = Sequence[tuple[str, str, csr_matrix]]
-"""Source, target and synapses (post, pre), as a core holds rows of them: a source can have several rows for a target.
-"""
+Way = tuple[str, str, int]
+"""Source, target and exponent of synapses: a row has one exponent."""
+Rows = Mapping[Way, csr_matrix]
+"""Weights of synapses by way, int32 (post, pre), none of them 0: each source neuron has a row on each core."""
 EVENTS = "events"
 """The source of synapses whose spikes come from a camera."""
 NO_AXONS = "no public source shows how events of a camera come to axons of the chip"
@@ -40,7 +41,7 @@ class PlacedPopulation:
 
     Attributes:
         neurons: Its neurons.
-        stored: Synapses to them as the board stores them, several for a weight of too many bits.
+        stored: Synapses to them as the board stores them, two for a weight of too many bits.
         starts: The first neuron of each core, int64 (cores,).
         binds: What one more neuron on its fullest core would exceed; empty if one core holds all.
         compartments, axons_in, memory, axons_out: What a core takes at most; memory as a share of it, 0..1.
@@ -74,11 +75,13 @@ class PlacedFrontEnd:
         board: The board.
         populations: Each population by name.
         steps: Steps of a presentation.
+        rows: The rows of all cores.
     """
 
     board: Board
     populations: Mapping[str, PlacedPopulation]
     steps: int
+    rows: Rows = field(repr=False)
 
     @property
     def cores(self) -> int:
@@ -108,17 +111,11 @@ class PlacedFrontEnd:
         }
 
 
-def placed(spec: FrontEnd, board: Board, ways: Ways | None = None) -> PlacedFrontEnd:
-    """The front end on cores of ``board``, each population by itself.
-
-    Args:
-        spec: The front end.
-        board: The board.
-        ways: Synapses as they are stored; None: counted, a row for each source and target (`stored_synapses`).
-    """
-    rows = [(*way, row) for way, row in stored_synapses(spec, board).items()] if ways is None else ways
+def placed(spec: FrontEnd, board: Board) -> PlacedFrontEnd:
+    """The front end on cores of ``board``, each population by itself."""
+    rows = stored_rows(spec, board)
     most = dict.fromkeys(spec.populations, board.compartments)
-    to = {name: [each for _, target, each in rows if target == name] for name in most}
+    to = {name: [each for way, each in rows.items() if way[1] == name] for name in most}
     found = {name: _on_cores(board, size, most[name], to[name]) for name, size in spec.populations.items()}
     while True:
         axons = {name: _axons_out(name, rows, found) for name in found}
@@ -129,13 +126,13 @@ def placed(spec: FrontEnd, board: Board, ways: Ways | None = None) -> PlacedFron
             fewer = found[name].compartments * board.axons_out // axons[name]
             found[name] = replace(_on_cores(board, found[name].neurons, max(1, fewer), to[name]), binds="axons out")
     return PlacedFrontEnd(
-        board, {name: replace(each, axons_out=axons[name]) for name, each in found.items()}, spec.steps
+        board, {name: replace(each, axons_out=axons[name]) for name, each in found.items()}, spec.steps, rows
     )
 
 
-def _axons_out(name: str, rows: Ways, found: Mapping[str, PlacedPopulation]) -> int:
-    """Most output axons of a core of a population: one of each neuron for each core that it sends to."""
-    sent = [on_cores(row, found[target].starts) for source, target, row in rows if source == name]
+def _axons_out(name: str, rows: Rows, found: Mapping[str, PlacedPopulation]) -> int:
+    """Most output axons of a core of a population: one of each neuron for each of its rows."""
+    sent = [on_cores(row, found[target].starts) for (source, target, _), row in rows.items() if source == name]
     axons = sum(np.asarray(cores.astype(bool).sum(axis=0)).ravel() for cores in sent)
     return int(np.add.reduceat(axons, found[name].starts).max())
 
@@ -145,23 +142,33 @@ def largest_weight(board: Board) -> int:
     return (1 << (max(board.weight_bits) - (not board.memory.one_sign))) - 1
 
 
-def stored_synapses(spec: FrontEnd, board: Board) -> Rows:
-    """Synapses as ``board`` stores them, by source and target, int32 (post, pre)."""
-    largest = largest_weight(board)
-    found: dict[tuple[str, str], csr_matrix] = {(EVENTS, "pixels"): event_synapses(spec)} if spec.window else {}
-    for each in synapses(spec):
-        stored = abs(each.weights)
-        stored.data = -(-stored.data // largest)
-        way = (each.source, each.target)
-        found[way] = stored + found[way] if way in found else stored
+def stored_rows(spec: FrontEnd, board: Board) -> dict[Way, csr_matrix]:
+    """Weights of either sign as rows of ``board`` have them: times 2^exponent those of a synapse add up to its own.
+
+    As no threshold of the chip is 0, one of 0 is 1 there, and what excites its neurons is twice as much. What silences
+    for a presentation is one synapse's most, so that an accumulator holds it and all else of a step.
+    """
+    groups, largest, found = populations(spec), largest_weight(board), {}
+    events = {(EVENTS, "pixels"): event_synapses(spec)} if spec.window else {}
+    for (source, target), weights in {**events, **all_weights(spec)}.items():
+        whole = weights if groups[target].threshold else weights + weights.maximum(0)
+        whole = whole.maximum(-(largest << WEIGHT_EXPONENT_LIMIT))
+        size = abs(whole.data)
+        upper = np.where(size > largest, size >> WEIGHT_EXPONENT_LIMIT, 0)
+        for exponent, part in ((0, size - (upper << WEIGHT_EXPONENT_LIMIT)), (WEIGHT_EXPONENT_LIMIT, upper)):
+            data = (np.sign(whole.data) * part).astype(np.int32)
+            row = csr_matrix((data, whole.indices, whole.indptr), whole.shape, copy=True)
+            row.eliminate_zeros()
+            if row.nnz:
+                found[source, target, exponent] = row
     return found
 
 
-def on_cores(synapses_to: csr_matrix, starts: Integers) -> csr_matrix:
-    """How many of the synapses (post, pre) end on each core, (cores, pre), whose first neurons are ``starts``."""
-    ends = np.append(starts, synapses_to.shape[0])
+def on_cores(synapses: csr_matrix, starts: Integers) -> csr_matrix:
+    """How many of the ``synapses`` (post, pre) end on each core, (cores, pre), whose first neurons are ``starts``."""
+    ends = np.append(starts, synapses.shape[0])
     members = csr_matrix((np.ones(ends[-1], np.int32), np.arange(ends[-1]), ends))
-    return members @ synapses_to
+    return members @ synapses.astype(bool)
 
 
 def _on_cores(board: Board, neurons: int, at_once: int, rows: Sequence[csr_matrix]) -> PlacedPopulation:
@@ -178,7 +185,7 @@ def _on_cores(board: Board, neurons: int, at_once: int, rows: Sequence[csr_matri
             binds = _exceeded(board, _taken(board, rows, start, end + 1))
         start = end
     compartments, axons_in, memory = most.tolist()
-    stored = sum(int(each.sum()) for each in rows)
+    stored = sum(each.nnz for each in rows)
     share = memory / board.memory.capacity
     return PlacedPopulation(neurons, stored, np.array(starts), binds, int(compartments), int(axons_in), share)
 
@@ -187,9 +194,8 @@ def _taken(board: Board, rows: Sequence[csr_matrix], start: int, end: int) -> tu
     """Compartments, input axons and memory of a core with the neurons ``start`` .. ``end - 1``."""
     counts = []
     for each in rows:
-        part = slice(*each.indptr[[start, end]])
-        counts.append(np.bincount(each.indices[part], each.data[part]).astype(np.int64))
-        counts[-1] = counts[-1][counts[-1] > 0]
+        sizes = np.bincount(each.indices[slice(*each.indptr[[start, end]])])
+        counts.append(sizes[sizes > 0])
     bits, index = max(board.weight_bits), board.memory.sparse_bits(end - start)
     words = sum(int((bits * each if index is None else row_words(each, bits + index)).sum()) for each in counts)
     return end - start, sum(map(len, counts)), words

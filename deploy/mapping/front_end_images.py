@@ -11,22 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse import csc_matrix
 
 from lava_vpr.deploy.boards.board import Board
-from lava_vpr.deploy.mapping.front_end import NO_AXONS, PlacedFrontEnd, largest_weight, placed
+from lava_vpr.deploy.mapping.front_end import NO_AXONS, PlacedFrontEnd, Rows, Way, placed
 from lava_vpr.deploy.registers.core_images import CoreImage, core_registers
 from lava_vpr.deploy.registers.synapse_memory import pack
 from lava_vpr.deploy.registers.synapses import Formats, SynapseFormat, SynapseRows, index_bits, joined
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.inputs.front_end import FrontEnd
-from lava_vpr.inputs.front_end_network import BIAS_EXPONENT, NeuronGroup, all_weights, populations
-from lava_vpr.loihi import BIAS_EXPONENT_LIMIT, WEIGHT_EXPONENT_LIMIT
+from lava_vpr.inputs.front_end_network import BIAS_EXPONENT, NeuronGroup, populations
+from lava_vpr.loihi import BIAS_EXPONENT_LIMIT
 
-Way = tuple[str, str, int]
-"""Source, target and exponent of synapses: a row has one exponent."""
-IN_A_ROW = 8
-"""Most synapses of a weight: if one is larger, larger exponents have a row of their own."""
 Places = Mapping[str, NDArray[np.int32]]
 """Chip, core and compartment of every neuron of each population, int32 (neurons, 3), by name."""
 
@@ -47,9 +43,7 @@ def front_end_images(spec: FrontEnd, board: Board, taken: Sequence[tuple[int, in
     """
     if spec.window:
         raise NetworkLimitError(NO_AXONS)
-    ways = stored_weights(spec, board)
-    stored = [(source, target, _synapses(row, board)) for (source, target, _), row in ways.items()]
-    plan, free = placed(spec, board, stored), _free(board, taken)
+    plan, free = placed(spec, board), _free(board, taken)
     exceeded = plan.exceeded(len(taken))
     if exceeded:
         raise NetworkLimitError(exceeded)
@@ -57,7 +51,7 @@ def front_end_images(spec: FrontEnd, board: Board, taken: Sequence[tuple[int, in
     rows: dict[tuple[str, int], tuple[SynapseRows, Formats]] = {}
     axons: dict[Way, NDArray[np.int64]] = {}  # the input axon of each source neuron on each core of the target, or -1
     for name, each in plan.populations.items():
-        rows |= {(name, core): _rows(ways, name, board, each.starts, core, axons) for core in range(each.cores)}
+        rows |= {(name, core): _rows(plan.rows, name, board, each.starts, core, axons) for core in range(each.cores)}
     images, groups = [], populations(spec)
     for name, each in plan.populations.items():
         out = _axons_out(name, axons, tables, plan)
@@ -69,36 +63,6 @@ def front_end_images(spec: FrontEnd, board: Board, taken: Sequence[tuple[int, in
             registers = core_registers([_profile(groups[name])], len(compartments), rows[name, core][1])
             images.append(CoreImage(chip, number, registers, compartments, words, entries, own.astype(np.int32)))
     return FrontEndImages(tuple(images), tables)
-
-
-def stored_weights(spec: FrontEnd, board: Board) -> dict[Way, csr_matrix]:
-    """Weights of either sign as rows of ``board`` have them, int32 (post, pre): times 2^exponent each adds up to its
-    own.
-
-    As no threshold of the chip is 0, one of 0 is 1 there, and what excites its neurons is twice as much. What silences
-    for a presentation is one synapse's most, so that an accumulator holds it and all else of a step.
-    """
-    groups, largest, found = populations(spec), largest_weight(board), {}
-    for (source, target), weights in all_weights(spec).items():
-        whole = weights if groups[target].threshold else weights + weights.maximum(0)
-        whole = whole.maximum(-(largest << WEIGHT_EXPONENT_LIMIT))
-        high = whole.copy()
-        if abs(whole).max() > IN_A_ROW * largest:
-            high.data = np.sign(high.data) * (abs(high.data) >> WEIGHT_EXPONENT_LIMIT)
-        else:
-            high.data[:] = 0
-        for part, exponent in ((whole - high * (1 << WEIGHT_EXPONENT_LIMIT), 0), (high, WEIGHT_EXPONENT_LIMIT)):
-            part.eliminate_zeros()
-            if part.nnz:
-                found[source, target, exponent] = csr_matrix(part, dtype=np.int32)
-    return found
-
-
-def _synapses(weights: csr_matrix | csc_matrix, board: Board) -> csr_matrix | csc_matrix:
-    """How many synapses each of ``weights`` takes: one of more bits takes several."""
-    stored = abs(weights)
-    stored.data = -(-stored.data // largest_weight(board))
-    return stored
 
 
 def _free(board: Board, taken: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
@@ -134,7 +98,7 @@ def _compartments(group: NeuronGroup, name: str) -> NDArray[np.int32]:
 
 
 def _rows(
-    ways: Mapping[Way, csr_matrix],
+    ways: Rows,
     name: str,
     board: Board,
     starts: NDArray[np.int64],
@@ -157,19 +121,15 @@ def _rows(
 
 
 def _stored(weights: csc_matrix, exponent: int, formats: Formats, board: Board) -> SynapseRows:
-    """A row for each column of ``weights`` (compartments, rows): a weight of more bits is several synapses."""
-    largest, bits = largest_weight(board), max(board.weight_bits)
+    """A row for each column of ``weights`` (compartments, rows)."""
     weights.sort_indices()
-    synapses = _synapses(weights, board).data
-    ends = np.append(0, np.cumsum(synapses))
-    rank = np.arange(ends[-1]) - np.repeat(ends[:-1], synapses)
-    sign, size = (np.repeat(each, synapses) for each in (np.sign(weights.data), abs(weights.data)))
+    bits = max(board.weight_bits)
     form = SynapseFormat.of_whole_numbers(bits, index_bits(np.arange(weights.shape[0])))
     number = formats.number(SynapseFormat(bits, form.index_bits, form.exponent + exponent))
     return SynapseRows(
-        ends[weights.indptr].astype(np.int64),
-        np.repeat(weights.indices, synapses).astype(np.int32),
-        (sign * np.minimum(largest, size - largest * rank)).astype(np.int32),
+        weights.indptr.astype(np.int64),
+        weights.indices.astype(np.int32),
+        weights.data.astype(np.int32),
         np.full(weights.shape[1], number, np.uint8),
     )
 

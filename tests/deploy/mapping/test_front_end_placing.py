@@ -9,9 +9,9 @@ import pytest
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.boards.memory import PackedRows, row_words
-from lava_vpr.deploy.mapping.front_end import placed, stored_synapses
+from lava_vpr.deploy.mapping.front_end import EVENTS, placed
 from lava_vpr.inputs.front_end import FrontEnd
-from lava_vpr.inputs.front_end_network import synapses
+from lava_vpr.inputs.front_end_network import all_weights, event_synapses, populations
 
 SPEC = FrontEnd(width=16)
 
@@ -29,18 +29,18 @@ def test_every_core_is_within_the_limits_and_one_neuron_more_is_not(
     limits: dict[str, object], population: str, binds: str
 ) -> None:
     board = replace(KAPOHO_BAY, **limits)  # type: ignore[arg-type]
-    plan, rows = placed(SPEC, board), stored_synapses(SPEC, board)
+    plan = placed(SPEC, board)
     assert plan.populations[population].binds == binds
     assert plan.exceeded() == ""
     for name, each in plan.populations.items():
         ends = np.append(each.starts[1:], each.neurons)
         assert each.neurons == SPEC.populations[name]
         found = [
-            _taken(board, [row for (_, to), row in rows.items() if to == name], start, end)
+            _taken(board, [row for (_, to, _), row in plan.rows.items() if to == name], start, end)
             for start, end in zip(each.starts.tolist(), ends.tolist(), strict=True)
         ]
         if each.cores > 1 and each.binds != "axons out":
-            more = _taken(board, [row for (_, to), row in rows.items() if to == name], 0, int(ends[0]) + 1)
+            more = _taken(board, [row for (_, to, _), row in plan.rows.items() if to == name], 0, int(ends[0]) + 1)
             limits = (board.compartments, board.axons_in, board.memory.capacity)
             assert any(need > limit for need, limit in zip(more, limits, strict=True))
         most = np.max(found, axis=0)
@@ -50,7 +50,7 @@ def test_every_core_is_within_the_limits_and_one_neuron_more_is_not(
         assert each.compartments <= board.compartments
         assert each.axons_in <= board.axons_in
         assert each.axons_out <= board.axons_out
-    stored = sum(int(row.sum()) for row in rows.values())
+    stored = sum(row.nnz for row in plan.rows.values())
     assert sum(each.stored for each in plan.populations.values()) == stored
 
 
@@ -60,20 +60,32 @@ def _taken(board: Board, rows: list[object], start: int, end: int) -> tuple[int,
     index = board.memory.sparse_bits(end - start)
     assert index is not None
     for row in rows:
-        for count in row.toarray()[start:end].sum(axis=0):  # type: ignore[attr-defined]
+        for count in (row.toarray()[start:end] != 0).sum(axis=0):  # type: ignore[attr-defined]
             axons += count > 0
             words += int(row_words(count, 8 + index)) if count else 0
     return end - start, axons, words
 
 
-def test_a_weight_beyond_a_board_s_bits_is_several_synapses() -> None:
-    """With a sign in 8 bits 255 is three times 127 at most; where all of one sign need none, it is one."""
-    plain = sum(each.weights.nnz for each in synapses(SPEC))
-    boards = (KAPOHO_BAY, LOIHI_2)
-    sizes = {board.name: sum(int(row.sum()) for row in stored_synapses(SPEC, board).values()) for board in boards}
-    assert sizes["loihi2"] == plain
-    more = sum(int((-(-abs(each.weights.data) // 127) - 1).sum()) for each in synapses(SPEC))
-    assert sizes["kapoho-bay"] == plain + more > plain
+@pytest.mark.parametrize("spec", [SPEC, FrontEnd(width=16, window=8)], ids=["images", "events"])
+@pytest.mark.parametrize(("board", "largest"), [(KAPOHO_BAY, 127), (LOIHI_2, 255)])
+def test_a_weight_beyond_a_board_s_bits_is_two_synapses_that_add_up_to_it(
+    spec: FrontEnd, board: Board, largest: int
+) -> None:
+    """With a sign in 8 bits 127 is the most, where all of one sign need none, 255.
+
+    What excites neurons whose threshold is 0 is twice as much, as it is 1; what silences is one synapse at most.
+    """
+    rows, groups = placed(spec, board).rows, populations(spec)
+    every = {**all_weights(spec), **({(EVENTS, "pixels"): event_synapses(spec)} if spec.window else {})}
+    for (source, target), weights in every.items():
+        twice = 0 * weights if groups[target].threshold else weights.maximum(0)
+        whole = (weights + twice).maximum(-largest * 128).toarray()
+        parts = {exponent: row.toarray() for (*way, exponent), row in rows.items() if way == [source, target]}
+        assert np.array_equal(sum(part * (1 << exponent) for exponent, part in parts.items()), whole)
+        assert max(int(abs(part).max()) for part in parts.values()) <= largest
+        assert (sum(part != 0 for part in parts.values()) <= 1 + (abs(whole) > largest)).all()
+    assert (rows["filters", "filters", 7].data == -largest).all()
+    assert any(exponent for _, _, exponent in rows)
 
 
 def test_too_many_cores_are_said() -> None:
