@@ -15,7 +15,7 @@ INSTALL := pip install $(QUIET) --disable-pip-version-check $(NO_COMPILE)
 # Tests run side by side, one row of them a processor.
 TESTS := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
-.PHONY: help demo test test-slow test-all lint format bench results pages recall peers peers-test oracles sanafe ci-torch test-dl learning nir-peers neurobench tutorial site pictures links images wheel clean
+.PHONY: help demo test test-slow test-all lint format bench results figures pages recall peers peers-test oracles sanafe ci-torch test-dl learning nir-peers neurobench tutorial site pictures links images wheel clean
 .DEFAULT_GOAL := help
 
 help: ## What there is to make
@@ -84,6 +84,9 @@ bench: recall ## Recall on real images, and the time of a query from its command
 
 results: $(STAMP) ## Compute the figures of docs/results.md that are out of date, and write them down (LAVA_VPR_DATA)
 	@$(BIN)/python -m benchmarks.results
+
+figures: images $(STAMP) ## Compute every figure of the docs again: all records, results, pages; takes hours (LAVA_VPR_DATA)
+	@$(BIN)/python -m benchmarks commands.records
 
 pages: $(STAMP) ## Write the parts of README and docs that records and code decide
 	@$(BIN)/python -m scripts.pages

@@ -21,6 +21,7 @@ WITHOUT = {f"benchmarks.{name}" for name in ("oracles.compare", "peers.side_by_s
 """Those that do with less, and say so."""
 WORDS = {
     "benchmarks.commands.proofs": ["exactness"],
+    "benchmarks.commands.tables": ["protocols"],
     "benchmarks.recall": ["decoders"],
     "benchmarks.results.__main__": ["--all"],
     "benchmarks.versions.whole": ["."],
@@ -44,7 +45,7 @@ def test_the_programs_are_found() -> None:
     assert len(programs()) > 15
     assert {"benchmarks.events.lens", "benchmarks.oracles.needs"} <= set(programs())
     assert {f"benchmarks.{name}" for name in benchmarks.names()} - set(programs()) == {
-        *(f"benchmarks.commands.{name}" for name in ("file_costs", "large_maps", "long_routes", "tables")),
+        *(f"benchmarks.commands.{name}" for name in ("file_costs", "large_maps", "long_routes")),
         "benchmarks.events.synthetic",
         "benchmarks.lava_speed",
     }
@@ -65,7 +66,7 @@ def test_no_images_are_told_before_any_work(
 
 
 @pytest.mark.parametrize("named", ["", "nowhere"])
-@pytest.mark.parametrize("goal", ["oracles", "recall", "learning", "nir-peers", "neurobench", "ci-torch"])
+@pytest.mark.parametrize("goal", ["oracles", "recall", "figures", "learning", "nir-peers", "neurobench", "ci-torch"])
 def test_make_tells_it_before_anything_is_installed(goal: str, named: str) -> None:
     environment = {"PATH": "/usr/bin:/bin", "LAVA_VPR_DATA": named}
     options = {"cwd": ROOT, "env": environment, "capture_output": True, "text": True}
