@@ -10,7 +10,9 @@ import pytest
 
 from benchmarks import figures
 from benchmarks.commands import records, tables
+from lava_vpr.config import DecoderConfig
 from lava_vpr.errors import InputError
+from lava_vpr.matching.decoders import DECODERS
 
 
 def test_every_record_has_one_command_and_pages_come_last() -> None:
@@ -71,3 +73,12 @@ def test_commands_of_records_find_the_images_that_they_name(data_root: Path) -> 
         ]
         assert all(path.exists() for path in Path.cwd().rglob("*"))
     assert Path.cwd() == before
+
+
+def test_the_default_decoder_scores_highest_in_every_row() -> None:
+    record = figures.read("decoders-chosen")
+    assert record.columns[1:] == [DECODERS[name].title for name in DECODERS]
+    assert record.columns[1] == DECODERS[DecoderConfig().default].title
+    for name, *cells in record.rows:
+        first, *others = (float(cell.split("; ")[1]) for cell in cells)
+        assert first > max(others), name
