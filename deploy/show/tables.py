@@ -183,9 +183,9 @@ def summary(plan: Plan) -> list[str]:
     lines = [
         f"{least}{len(plan.cores)} of {board.chips * board.cores} cores, {_bits(plan.weight_bits)} a stored weight."
     ]
-    some = f"{network.leaves} inhibitory neurons and another that listens to them take"
-    inhibitory = some if network.leaves else "One inhibitory neuron takes"
-    lines.append(f"{inhibitory} from every neuron {network.inhibition_delay} steps after any has spiked.")
+    root = f", the root of {network.leaves} others," if network.leaves else ""
+    delay = network.inhibition_delay
+    lines.append(f"One inhibitory neuron{root} inhibits every neuron {delay} steps after any has spiked.")
     if board.mesh is None:
         lines.append("Which cores they are, and how synapses are stored, is decided by Intel's compiler.")
     if board.known:

@@ -49,8 +49,8 @@ PRESENTATION = (
     "step t adds to the membranes in step t + input_delay; spikes of the first 'neurons' outputs are counted"
 )
 POPULATION = (
-    "the first 'neurons' are excitatory, one or more for each place; the others are inhibitory, the last of them takes "
-    "from all excitatory ones"
+    "the first 'neurons' are excitatory, one or more for each place; the others are inhibitory, and the last of "
+    "them inhibits every excitatory one"
 )
 
 

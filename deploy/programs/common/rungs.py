@@ -85,7 +85,7 @@ def rungs(bits: int, signed: bool, lateral: int, steps: int) -> List[Rung]:
         found.append(
             Rung(
                 "inhibition",
-                "the inhibitory neuron takes from every neuron, two steps after any has spiked",
+                "the inhibitory neuron inhibits every neuron, two steps after any has spiked",
                 "the inhibitory neuron does not listen, takes another amount, or at another step",
                 *([[top, 1]] * 4, [True] * 4, 3 * top, 200, lateral, 2),
             )

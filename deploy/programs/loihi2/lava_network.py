@@ -71,7 +71,7 @@ def define_processes() -> None:
 
 
 def wire(weights: NDArray[Any], bias: Arrays, parameters: dict[str, Any], ends: tuple[Any, Any], simulate: bool) -> Any:
-    """Inputs, or their relays, to exc; exc to inh, which takes from every exc; exc to the counter: the two ``ends``.
+    """Inputs, or their relays, to exc; exc to inh, which inhibits every exc; exc to the counter: the two ``ends``.
 
     Every arrow takes one step. Inh are the leaves, if there are any, and the root, the last. Exc begin with the Vars
     ``bias``, and are returned.

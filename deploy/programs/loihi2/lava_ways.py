@@ -8,6 +8,6 @@ FIRST = ("one neuron", "one axon")
 INJECTED = OtherWay("injected", "inputs", "spikes of inputs are made here and injected, not by biases", FIRST)
 WAYS = [
     OtherWay("scalars", "values", "neurons are made with one value for all, and set before the first query", FIRST),
-    OtherWay("fresh", "runs", "every query is a run of its own, from a network made anew", ("reset",)),
+    OtherWay("fresh", "runs", "every query is a run of its own, from a new network", ("reset",)),
     OtherWay("any-lava", "lava", "a lava-nc other than 0.10 is taken", ()),
 ]

@@ -242,7 +242,7 @@ def test_the_summary_says_what_limits_and_what_clears() -> None:
     text = " ".join(summary(plan(500)))
     assert text.startswith(
         "5 of 256 cores, 3 bits a stored weight. "
-        "One inhibitory neuron takes from every neuron 2 steps after any has spiked. "
+        "One inhibitory neuron inhibits every neuron 2 steps after any has spiked. "
         "Modelled on 100 of its 500 reference images, asked as queries: 0.153 ms (0.0700 to 1,230) a query of 64 "
         "steps, 11.7 µs (5.00 to 34.1) a step, 2.00 µs of it on the busiest core (0:4). `lava-vpr bench` models "
         "other queries. The embedded processors' tables take up to 7.1 KiB (6.0 KiB with --ways masks); how much "
@@ -252,7 +252,7 @@ def test_the_summary_says_what_limits_and_what_clears() -> None:
     assert "an embedded processor of each chip writes v = 0" in text
     assert busiest(plan(500)).core == 4
     large = " ".join(summary(plan(5000, each=50)))
-    assert "2 inhibitory neurons and another that listens to them take from every neuron 3 steps after any" in large
+    assert "One inhibitory neuron, the root of 2 others, inhibits every neuron 3 steps after any" in large
     assert "spikes a step to each chip (limit: 56), where relays pass them on." in large
     assert "The host sends no spikes: inputs integrate a bias" in " ".join(summary(plan(150, bias_input=True)))
     other = " ".join(summary(plan(500, LOIHI_2)))
