@@ -18,7 +18,7 @@ from lava_vpr.errors import InputError, shown
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import EXIF, in_photos
 from lava_vpr.positions.track import MOST_GAP_S
-from lava_vpr.traverse import Traverse, located, open_traverse, ranges_of, readable, unreadable
+from lava_vpr.traverse import Traverse, located, open_traverse, ranges_of, readable
 from lava_vpr.truth.alignment import (
     NEAR_M,
     Located,
@@ -147,19 +147,6 @@ def asked_places(route: Selection, model: Model, places: tuple[int, int] | None)
     return first, end
 
 
-def _tell_of_skipped(model: Model, whole: Traverse, chosen: Traverse) -> None:
-    """Say how many images that cannot be read are no queries, since the model has no place of their numbers either."""
-    numbers = np.setdiff1d(whole.indices, np.concatenate([chosen.indices, model.place_indices]))
-    left = whole.take(np.flatnonzero(np.isin(whole.indices, numbers)).tolist())
-    found = [f"{left.indices[k]} ({left.names[k]})" for k in unreadable(left)] if len(left) else []
-    if found:
-        more = f" and {len(found) - 3} more" if len(found) > 3 else ""
-        stderr.print(
-            f"note: {shown(whole.source)}: {len(found)} of {len(whole)} images cannot be read and are skipped: "
-            f"{', '.join(found[:3])}{more}; the model has no places of these numbers"
-        )
-
-
 @dataclass(frozen=True)
 class TruthOptions:
     """What the user says of which places are correct.
@@ -242,8 +229,10 @@ class TruthOptions:
         places = asked_places(route, model, places)
         whole = _opened(model, route.sources[0], route.every, outputs)
         chosen, told = self._chosen(model, whole, places)
-        if skip and places is None:
-            _tell_of_skipped(model, whole, chosen)
+        left = len(whole) - len(chosen)
+        if skip and places is None and left:
+            said = f"{left} of {len(whole)} images are no queries, since the model has no places of their numbers"
+            stderr.print(f"note: {shown(whole.source)}: {said}")
         (queries,) = readable([chosen], [self.where.positions]) if skip else (chosen,)
         queries = self.where.of(queries, len(whole)) if told else queries
         located = self.located(model, queries)

@@ -94,7 +94,8 @@ def study(
         raise click.UsageError("--seeds names a seed twice; give each once")
     outputs, page = results.outputs("study.html", read=(config_file,), images=(*references, query))
     config = settings_of(images.pop("preset_name"), config_file, {})
-    asked = StudyRequest(STUDIES[name], *_route(references, query, config, outputs, **images), seeds, values)
+    route, config = _route(references, query, config, outputs, **images)
+    asked = StudyRequest(STUDIES[name], route, config, seeds, values, images["tolerance"])
     with pool_at(address, jobs) as pool, progress_bar(f"study {name}", len(planned(asked))) as advance:
         rows = study_rows(asked, pool=pool, advance=advance)
 

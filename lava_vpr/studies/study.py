@@ -88,6 +88,7 @@ class StudyRequest:
         config: Settings; the seed is replaced.
         seeds: Seeds, each once.
         values: Points of the study; empty: those of its row.
+        tolerance: Places that a correct match may be off, in the ground truth of ``route``.
     """
 
     study: Study
@@ -95,6 +96,7 @@ class StudyRequest:
     config: Config = field(repr=False)
     seeds: tuple[int, ...]
     values: tuple[float, ...] = ()
+    tolerance: int = 0
 
 
 def measure_task(shared: tuple[Route, Callable[[Route, StudyTask], list[Outcome]]], task: StudyTask) -> list[Outcome]:

@@ -16,6 +16,7 @@ from support.common.commands import fails, figures, matches, run
 from support.common.imagefiles import photo
 
 from lava_vpr.model import load
+from lava_vpr.traverse import Traverse
 
 HEIC = b"\0\0\0\x18ftypheic\0\0\0\0mif1heic" + bytes(40)
 SKIP = "--skip-unreadable"
@@ -46,14 +47,19 @@ def test_without_the_option_the_first_unreadable_image_names_it(place: Path) -> 
     assert SKIP not in fails("verify", "m.lvpr", "query")  # it has no such option
 
 
-def test_images_of_equal_numbers_that_are_skipped_in_both_folders_are_counted(place: Path) -> None:
+def test_only_queries_are_looked_at_and_images_that_are_none_are_counted(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     damage("ref/img3.png")
     damage("query/img3.png")
+    damage("query/img4.png")
     run("train", "ref", *TRAIN, SKIP)
+    read, load_image = set[int](), Traverse.load
+    monkeypatch.setattr(Traverse, "load", lambda self, k: (read.add(int(self.indices[k])), load_image(self, k))[1])
     said = run("eval", "n.lvpr", "query", SKIP).stderr
-    many = len(list(Path("query").iterdir()))
-    told = "images cannot be read and are skipped: 3 (img3.png); the model has no places of these numbers"
-    assert f"note: query: 1 of {many} {told}\n" in said
+    assert read == {0, 1, 2, 4, 5}
+    assert "note: query: 1 of 6 images are no queries, since the model has no places of their numbers\n" in said
+    assert "note: query: 1 of 5 images cannot be read and are skipped: 4 (img4.png); the first: " in said
 
 
 def test_skipped_images_are_counted_and_the_others_keep_their_numbers(place: Path) -> None:

@@ -70,7 +70,9 @@ def table(asked: StudyRequest, rows: Sequence[Row]) -> Table:
         cells += [_three(row, name) for name in baselines]
         cells += [figure(row.mean(MODELLED, name)) for name in SHOWN] if costs else []
         lines.append(tuple(cells))
-    note = f"Recall in percent, exact matches as the truth has them, mean of seeds {', '.join(map(str, asked.seeds))}"
+    off = "1 place" if asked.tolerance == 1 else f"{asked.tolerance} places"
+    correct = f"matches at most {off} off" if asked.tolerance else "exact matches"
+    note = f"Recall in percent, {correct}, mean of seeds {', '.join(map(str, asked.seeds))}"
     note += ", ± their standard deviation." if len(asked.seeds) > 1 else "."
     if baselines:
         note += f" Baselines: {' / '.join(titles())}."
