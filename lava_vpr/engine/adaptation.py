@@ -1,13 +1,14 @@
-"""Adaptation: what stays the same over a traverse carries no news, and is taken off.
+"""Adaptation: subtracting what stays the same over a traverse, which says nothing about the place.
 
-The season's mean image is not the references', and with it every neuron's mean drive differs. An adapted network takes
-off, instead of its mean drive over the references, a running mean over the queries before, starting at that: one number
-a neuron, which is its bias. It follows from rates alone, in order, and not from spikes: how queries are batched or
-shared among threads changes nothing, but which came before does. A traverse starts again.
+In another season the mean image differs from that of the references, and so does every neuron's mean drive. An adapted
+network subtracts a running mean of its drive over the previous queries instead of the mean over the references, at
+which the running mean starts. This is one number per neuron, its bias. It depends on the rates of the queries and on
+their order, not on spikes, batches or threads. Each traverse starts from the references again.
 
-A robot that stands still would unlearn the place where it stands: queries that overlap by `STANDING` with the last one
-that counted do not count (`Motion`). Where noise hides that, the mean becomes the place's: nor do queries count that
-overlap by more than `FAMILIAR` with it, so one place never fills it.
+A robot that stands still would subtract the place where it stands. So a query does not count if it shares `STANDING` of
+its spikes with the last query that counted (`Motion`). Noise can hide that a robot stands still; the mean then
+approaches the place itself. So a query does not count, either, if it shares more than `FAMILIAR` of its spikes with the
+mean.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ standing still in noise, 0.55 and more."""
 
 
 class RunningMean:
-    """Means of the values before each query, which forget with a time constant.
+    """The mean of the values of all previous queries, weighted exponentially with a time constant.
 
     Args:
         start: The means before the first query, float64 (k,).
@@ -71,7 +72,7 @@ class Motion:
         self._last: NDArray[np.int64] | None = None
 
     def moving(self, rates: NDArray[Any]) -> NDArray[np.bool_]:
-        """Which of the next queries count, bool (n,), of their rates (n, inputs)."""
+        """Which of the next queries count, bool (n,), given their rates (n, inputs)."""
         counted = np.ones(len(rates), np.bool_)
         share, whole = STANDING
         for i, row in enumerate(rates.astype(np.int64)):
@@ -91,7 +92,8 @@ def unseen(inputs: int) -> NDArray[np.float64]:
 class Adaptation:
     """Biases of a network, query after query of one traverse.
 
-    Kept is a mean for each input, whatever the number of neurons, and the share that the start still has in all.
+    The state is one mean for each input, whatever the number of neurons, and the share that the start still has in
+    them.
 
     Args:
         network: The network, signed.
@@ -109,7 +111,7 @@ class Adaptation:
         return self._mean.now.copy()
 
     def biases(self, rates: NDArray[np.uint16]) -> NDArray[np.int32]:
-        """Biases of the next queries in units of v, int32 (n, neurons), of their rates uint16 (n, inputs)."""
+        """Biases of the next queries in units of v, int32 (n, neurons), from their rates, uint16 (n, inputs)."""
         return self.taking_off(self.means(rates)[0])
 
     def means(self, rates: NDArray[np.uint16]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -125,12 +127,13 @@ class Adaptation:
         return means, counted
 
     def taking_off(self, means: NDArray[np.float64]) -> NDArray[np.int32]:
-        """Biases int32 (n, neurons) that take what ``means`` drive off."""
+        """Biases int32 (n, neurons) that subtract the drive of ``means``."""
         shown, start = np.rint(means[:, :-1]).astype(np.uint16), means[:, -1:]
         drives = self._network.drives(shown) / RATE_UNIT - start * (self._network.bias / (1 << INPUT_SHIFT))
         return biases_of(drives, self._network.safe_bias)
 
     def _news(self, value: NDArray[np.float64]) -> bool:
-        """Whether a query is no more than `FAMILIAR` to the mean of those before, the start left out of it."""
+        """Whether a query overlaps by at most `FAMILIAR` with the mean of the previous queries, from which the start is
+        left out."""
         seen, value = self._mean.now[:-1], value[:-1] * (1 - self._mean.now[-1])
         return bool(np.minimum(value, seen).sum() <= FAMILIAR * max(value.sum(), seen.sum()))

@@ -1,4 +1,5 @@
-"""Presentations in blocks: each is counted by itself, on threads here, or as a task by a cluster's workers."""
+"""Presentations in blocks, each counted independently, by threads of this process or as a task of a cluster's
+workers."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 
 BLOCK = 128
-"""Presentations of a task: of a network of 10,000 neurons half a second, of one of 100 what a task itself costs."""
+"""Presentations per task: half a second of work for 10,000 neurons; for 100 neurons as much work as starting a task."""
 
 N = TypeVar("N")
 Counted = tuple[NDArray[np.int32], dict[str, int]]
@@ -47,7 +48,7 @@ class Block(NamedTuple):
 
 
 Count = Callable[[N, Block, int], Counted]
-"""A function of a module that counts a block: of a network, its presentations, and threads."""
+"""A module-level function that counts a block, called with a network, the block and a number of threads."""
 
 
 def of_integers(network: FixedNetwork, block: Block, threads: int) -> Counted:
@@ -72,13 +73,13 @@ class _BlockTask(NamedTuple):
 
 
 def counted(count: Count[N], network: N, blocks: Iterable[Block], *, pool: Pool, total: int) -> Iterator[Counted]:
-    """What ``total`` blocks count, in their order, each as soon as it is known; equal whoever counts.
+    """The counts of ``total`` blocks in order, each as soon as it is known; equal on threads and on a cluster.
 
     Args:
         count: Counts a block.
-        network: What it is given first; a cluster keeps it as long as no other is asked.
-        blocks: The presentations; only so many are made at once as are counted.
-        pool: Threads of this process share each block; a cluster's workers count one a thread.
+        network: First argument of ``count``; a cluster's workers keep it until another network is used.
+        blocks: The presentations, made lazily, only as many at once as are being counted.
+        pool: Threads of this process share each block; a cluster's workers count one block per thread.
         total: How many blocks there are.
     """
     if pool.here:
@@ -90,8 +91,8 @@ def counted(count: Count[N], network: N, blocks: Iterable[Block], *, pool: Pool,
 
 
 def sparsely(network: Any, task: _BlockTask) -> tuple[Any, dict[str, int]]:
-    """A task: counts of one block, of which nearly all are 0 where places are many, as those that are not."""
-    from scipy.sparse import csr_matrix  # a cluster's workers alone need it
+    """A task: the counts of one block as a sparse array, since with many places nearly all are 0."""
+    from scipy.sparse import csr_matrix  # only a cluster's workers need it
 
     counts, events = task.counting(network, task.block, 1)
     return csr_matrix(counts), events

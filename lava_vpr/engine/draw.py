@@ -31,7 +31,7 @@ def _draw(
     """List the active inputs with a flag by lanes: those of lane l, ascending, in ``spikes[l, :counts[l]]``."""
     groups, counts[:] = flags.view(np.uint64), 0
     last, shift = np.uint64(lanes - 1), np.uint64(lanes // 2)
-    # Two passes without unpredictable branches: where a word is set at all, then which of its bytes.
+    # Two passes without unpredictable branches: find the words with a bit set, then the bytes in them.
     n_set = np.uint64(0)  # unsigned indices spare the compiler numpy's wrap-around of negative ones
     for p in range(groups.size):
         occupied[n_set] = np.int32(p)
@@ -60,7 +60,7 @@ def poisson_spikes(rates: NDArray[Any], key: np.uint64, steps: int) -> tuple[NDA
         key: Key of the presentation.
         steps: Steps with input.
     """
-    lanes = 4 if rates.dtype.type(1 << 16) == 0 else 2  # of either type, decided when it is compiled
+    lanes = 4 if rates.dtype.type(1 << 16) == 0 else 2  # of either type, decided at compile time
     listed, n = np.empty(rates.size, np.int32), np.uint64(0)
     for j in range(rates.size):
         if rates[j] > 0:

@@ -1,7 +1,7 @@
-"""What one presentation costs an engine, in operations and in memory, bounded before it is paid.
+"""The cost of one presentation in operations and memory, checked against limits before it runs.
 
-Settings decide it, and how many neurons there are; within their ranges both can ask for years. An operation is one
-state that is updated, or one weight that is added or changed; an input spikes with its rate.
+It follows from the settings and the number of neurons; values within their allowed ranges can still cost years. An
+operation updates one state, or adds or changes one weight; an input is taken to spike at its rate.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from lava_vpr.storage.limits import excess
 
 
 class Effort(NamedTuple):
-    """The cost of one presentation: ``operations``, and bytes of ``memory`` beside network and results."""
+    """The cost of one presentation: ``operations``, and bytes of ``memory`` besides network and results."""
 
     operations: int
     memory: int
@@ -34,7 +34,7 @@ def query_effort(config: Config, neurons: int) -> Effort:
 def training_effort(config: Config, neurons: int) -> Effort:
     """The cost of a training presentation to a stretch of ``neurons`` excitatory neurons."""
     network, learning, inputs = config.network, config.learning, config.encoder.inputs
-    if isinstance(network, LifNetwork) and learning.rule == "slayer":  # every synapse in every step, there and back
+    if isinstance(network, LifNetwork) and learning.rule == "slayer":  # all synapses in all steps, both passes
         return Effort(3 * network.steps * neurons * inputs, 8 * network.steps * (inputs + 20 * neurons))
     if isinstance(learning, StdpLearning):
         spikes = min(inputs, config.encoder.train_spikes)

@@ -1,15 +1,15 @@
 """Gains: which inputs survive the season, learned from a robot's own sure answers.
 
-Places differ from visit to visit, and inputs differ in how far they do: what an input shows of a place where it was
-learned tells more or less of what it shows there now. One gain an input, shared by all places, follows how the two go
-together over accepted answers, without a label::
+A place looks different at each visit, and some inputs change more than others: an input's rate at a learned place
+predicts its rate there today more or less well. One gain per input, shared by all places, follows the correlation of
+the two over accepted answers, without labels::
 
-    g_i = max(0, correlation of R_i with q_i)        R: rates of the matched reference less the mean of all references
-                                                     q: rates of the query less the running mean of those before
-    begun as if `PRIOR` images had agreed; in units of 1 / `FULL`
+    g_i = max(0, correlation of R_i with q_i)        R: rates of the matched reference minus the mean of all references
+                                                     q: rates of the query minus the running mean of the previous ones
+    starts as if `PRIOR` images had agreed; in units of 1 / `FULL`
 
-An answer comes first and teaches afterwards. Gains are in force by epochs, so many accepted answers each: within one,
-queries do not depend on each other's answers. Sums are whole numbers, and forget by a shift.
+Each query is answered before it teaches. Gains change once an epoch, a fixed number of accepted answers; within an
+epoch queries do not depend on each other's answers. Sums are whole numbers and decay by a bit shift.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import RATE_UNIT, biases_of
 
 FULL = 15
-"""The gain of an input that tells all: 4 bits."""
+"""The largest gain, that of an input which does not change between visits: 4 bits."""
 PRIOR = 10
 """Images at which every input is taken to have agreed before anything is learned."""
 EPOCH = 20
-"""Accepted answers after which gains are made again."""
+"""Accepted answers after which gains are computed again."""
 FORGETTING = 9
-"""Sums lose 2^-9 of themselves with each accepted answer: a time constant of 512."""
+"""Sums lose 2^-9 of their value with each accepted answer: a time constant of 512."""
 MARGINS = 255
-"""Answers whose confidence is remembered, of which one that teaches is at least the median."""
+"""Number of answers whose confidence is kept; an answer teaches if its confidence is at least their median."""
 RECENT, ENOUGH = 30, 10
-"""Of so many answers so many are sure, or none teaches."""
+"""An answer teaches only if at least `ENOUGH` of the last `RECENT` answers were sure."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What inputs do over the references of a map, as queries.
+    """Statistics of the inputs over the references of a map, encoded as queries.
 
     Attributes:
         mean: Mean rate of each input, int64 (inputs,), rounded.
-        variance: Mean square of what its rates differ from that, int64 (inputs,), at least 1.
+        variance: Variance of each input's rate, int64 (inputs,), at least 1.
     """
 
     mean: NDArray[np.int64]
@@ -52,7 +52,7 @@ class Reference:
 
     @classmethod
     def of(cls, blocks: Iterable[NDArray[np.uint16]]) -> Reference:
-        """That of references with these rates (n, inputs), some at a time; at least one."""
+        """The statistics of at least one reference, from ``blocks`` of rates (n, inputs)."""
         images, total, squares = 0, np.int64(0), np.int64(0)
         for rates in blocks:
             wide = rates.astype(np.int64)
@@ -63,11 +63,11 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class Season:
-    """What was learned of a season, and where the queries' mean stands; state goes in and out.
+    """What was learned of a season, with the queries' running mean; methods return a new state.
 
     Attributes:
-        gains: Those in force, uint8 (inputs,), at most `FULL`.
-        sums: Sums of R^2, q^2 and R q over what was taught, int64 (3, inputs), forgetting.
+        gains: The current gains, uint8 (inputs,), at most `FULL`.
+        sums: Decaying sums of R^2, q^2 and R q over the answers that taught, int64 (3, inputs).
         mean: Running mean of the queries' rates, and of the share that the references' mean still has in it, float64
             (inputs + 1,).
         margins: Confidence of the last answers, oldest first, float64 (at most `MARGINS`,).
@@ -88,7 +88,7 @@ class Season:
 
     @classmethod
     def start(cls, inputs: int, inputs_of: str = "") -> Season:
-        """Nothing learned of so many inputs."""
+        """The state of ``inputs`` inputs before anything is learned."""
         zeros = np.zeros((3, inputs), np.int64)
         return cls(
             np.full(inputs, FULL, np.uint8), zeros, unseen(inputs), np.zeros(0), np.zeros(0, np.uint8), inputs_of
@@ -119,8 +119,8 @@ class Season:
         """The state after one more answer that teaches.
 
         Args:
-            matched: Rates of the matched reference less the references' mean, int64 (inputs,).
-            query: Rates of the query less the queries' mean, int64 (inputs,).
+            matched: Rates of the matched reference minus the references' mean, int64 (inputs,).
+            query: Rates of the query minus the queries' mean, int64 (inputs,).
             variance: `Reference.variance`.
         """
         products = np.stack([matched * matched, query * query, matched * query])
@@ -135,7 +135,7 @@ def gains_of(sums: NDArray[np.int64], variance: NDArray[np.int64]) -> NDArray[np
 
 
 def weighed(rates: NDArray[np.uint16], gains: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    """Mean rates (n, inputs) under ``gains``, each row with the sum that it had; none where all gains are 0."""
+    """Rates (n, inputs) times ``gains``, each row scaled to its former sum; zeros where all gains are 0."""
     under = rates.astype(np.int64) * gains
     total, kept = rates.sum(axis=1, dtype=np.int64), under.sum(axis=1)
     share = np.divide(total, kept, out=np.zeros(len(rates)), where=kept > 0)
@@ -150,6 +150,6 @@ def expected(means: NDArray[np.float64], reference: Reference) -> NDArray[np.int
 def biases_under(
     network: FixedNetwork, means: NDArray[np.float64], reference: Reference, gains: NDArray[np.uint8]
 ) -> NDArray[np.int32]:
-    """Biases int32 (n, neurons) that take off what ``means``, of `Adaptation.means`, drive under ``gains``."""
+    """Biases int32 (n, neurons) that subtract the drive of ``means`` (`Adaptation.means`) under ``gains``."""
     shown = expected(means, reference).astype(np.uint16)
     return biases_of(network.drives(weighed(shown, gains)) / RATE_UNIT, network.safe_bias)

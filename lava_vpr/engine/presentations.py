@@ -1,7 +1,7 @@
-"""What every engine shares of presentations: arrays at its door, threads, spikes.
+"""What all engines share: checks of their input arrays, threads, and recorded spikes.
 
-Compiled code goes through arrays without looking at their ends, so they are checked first. Its kernels release Python's
-lock, and no result depends on how threads share the presentations.
+Compiled code does not check the bounds of arrays, so shapes are checked first. Its kernels release Python's lock, and
+no result depends on how threads share the presentations.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from lava_vpr.errors import InputError
 
 
 def check_array(array: NDArray[Any], name: str, dtype: DTypeLike, shape: tuple[int, ...], remedy: str) -> None:
-    """Refuse an ``array`` of another type or shape.
+    """Refuse an ``array`` whose type is not ``dtype`` or whose shape is not ``shape``.
 
     Raises:
         InputError: naming both, and the remedy.
@@ -31,7 +31,7 @@ def check_array(array: NDArray[Any], name: str, dtype: DTypeLike, shape: tuple[i
 
 
 def check_rates(rates: NDArray[Any], dtype: DTypeLike, shape: tuple[int, ...]) -> None:
-    """Refuse rates of another type or shape: of one presentation (inputs,), or of many (n, inputs).
+    """Refuse rates of another type or shape than those of one presentation, (inputs,), or of many, (n, inputs).
 
     Raises:
         InputError: naming both.
@@ -58,7 +58,7 @@ def cores() -> int:
 
 
 def share(run: Callable[[slice], T], n: int, threads: int) -> list[T]:
-    """``run`` on consecutive slices of 0..n-1, one a thread; results in order."""
+    """Call ``run`` on consecutive slices of 0..n-1, one per thread; results in order."""
     size = max(1, -(-n // max(1, threads)))
     parts = [slice(start, min(n, start + size)) for start in range(0, n, size)]
     if len(parts) <= 1:

@@ -1,7 +1,8 @@
 """Counter-based random numbers: the same spikes on every backend, batch size, thread count and machine.
 
-A presentation has a 64-bit key made of (seed, role, epoch, image). The image is a hash of its own rates (`image_keys`):
-it meets the same noise wherever it stands, when it is learned, too. Block ``b`` of input ``j`` is one 64-bit hash
+A presentation has a 64-bit key made of (seed, role, epoch, image). The image's key is a hash of its rates
+(`image_keys`): an image gets the same noise at any position in a batch or traverse, in learning,
+too. Block ``b`` of input ``j`` is one 64-bit hash
 ``mix(key + G (b 2^32 + j))``: the finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014, with Stafford's
 constants, variant 13) over an injective counter. That one hash gives four 16-bit draws, for steps 4b .. 4b + 3, or two
 32-bit draws, for steps 2b and 2b + 1. An input spikes when its draw is below its rate. Inputs of rate 0 need no draw.
@@ -45,7 +46,7 @@ def _mix(x: int) -> int:
 
 @compiled(nogil=True)
 def image_keys(rates: NDArray[Any]) -> NDArray[np.uint64]:
-    """The key of each image, made of its rates and of nothing else, uint64 (n,).
+    """The key of each image, computed from its rates only, uint64 (n,).
 
     It is the sum modulo 2^64 of ``mix(G (j 2^32 + rate_j))`` over all inputs ``j`` with a rate above 0.
 
@@ -57,7 +58,7 @@ def image_keys(rates: NDArray[Any]) -> NDArray[np.uint64]:
         for j in range(rates.shape[1]):
             rate = np.uint64(rates[i, j])
             word = mix(GOLDEN * ((np.uint64(j) << _S32) + rate))
-            keys[i] += word if rate > _ZERO else _ZERO  # both at hand: no branch to guess wrong
+            keys[i] += word if rate > _ZERO else _ZERO  # both computed: no branch to mispredict
     return keys
 
 
@@ -112,7 +113,7 @@ def hashes(key: int, blocks: NDArray[np.int64], inputs: NDArray[np.int64]) -> ND
 def draws(key: int, steps: int, inputs: int, bits: int = 16) -> NDArray[np.uint64]:
     """All draws of one presentation, shape (steps, inputs), each of ``bits`` (16 or 32) bits; plain numpy.
 
-    This is the definition that the compiled kernels are held against.
+    The definition that tests compare the compiled kernels with.
     """
     per_hash = 64 // bits
     blocks = np.arange(-(-steps // per_hash))

@@ -76,8 +76,8 @@ def input_drive(net: ConductanceDrive, begin: int, carry: NDArray[np.float64], d
     """Sum the weights that arrive at every neuron in the steps from ``begin``, as many as ``drive`` has rows.
 
     ``carry`` (neurons, longest delay) holds what earlier spikes send into these steps, and afterwards what all send
-    into the following ones. Weights that arrive together are added in the order of departure, then of input. One
-    neuron after another, so that what is scattered to stays in the first-level cache.
+    into the following ones. Weights that arrive together are added in the order of departure, then of input. Neurons
+    are processed one after another, so that the sums stay in the first-level cache.
     """
     span, longest = drive.shape[0], carry.shape[1]
     first = np.searchsorted(net.when, begin)
@@ -190,7 +190,7 @@ def new_plastic(slots: int, inputs: int, spikes: int) -> Plastic:
 
 @compiled(nogil=True)
 def with_room(old: Plastic, n: int) -> Plastic:
-    """``old``, or a larger copy, with a free slot after its first ``n``, which are all of its slots or fewer."""
+    """``old`` if it has a free slot after its first ``n``, else a larger copy."""
     if n < old.neuron.size:
         return old
     new = new_plastic(2 * n, old.arrived.shape[1], old.times.shape[1])
@@ -228,7 +228,7 @@ def recruit(plastic: Plastic, slot: int, i: int, step: int, net: ConductanceDriv
 
 @compiled(nogil=True)
 def arrive(plastic: Plastic, slot: int, step: int, weights: NDArray[np.float64], change: float, w_max: float) -> float:
-    """What reaches the slot's neuron at ``step``; each weight is read, then grows by ``change`` within [0, w_max].
+    """The input of the slot's neuron at ``step``; each weight is read, then grows by ``change`` within [0, w_max].
 
     A negative ``change`` leaves the weights alone.
     """

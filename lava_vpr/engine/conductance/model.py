@@ -1,4 +1,4 @@
-"""VPRSNN's conductance-based network, as coded but for three things: training with STDP, and frozen responses.
+"""VPRSNN's conductance-based network, as released except for three changes: training with STDP, and frozen responses.
 
 Excitatory neurons (potentials in mV, conductances without unit), Euler with ``dt_ms``::
 
@@ -12,7 +12,7 @@ exc to inh one-to-one, 10.4; inh to every exc but its own, 17. Input spikes read
 The three differences from the released code are on purpose: every presentation starts with membranes, conductances,
 traces and spikes in flight at rest, and with timers run out (theta and weights persist), so that an answer depends on
 its query alone; delays are drawn once and belong to the model; a presentation's counts are the spikes of its own steps
-with input (the released code adds what spikes during the rest to the *next* image's counts).
+with input (the released code adds spikes during the rest to the counts of the *next* image).
 
 Source: Hussaini, Milford, Fischer 2022 (doi 10.1109/LRA.2022.3149030) and the released VPRSNN code.
 """
@@ -53,10 +53,10 @@ RULES = {"triplet": TRIPLET, "paper": PAPER}
 
 @dataclass
 class ConductanceState:
-    """What training changes and a model keeps.
+    """The arrays that training changes and a model stores.
 
     Attributes:
-        weights: float64 (inputs, neurons), in [0, w_max] but for the normalisation.
+        weights: float64 (inputs, neurons), in [0, w_max] except where normalisation exceeds that.
         theta_mv: Adaptive part of the thresholds in mV, float64 (neurons,).
         delays: Input delays in steps of ``dt_ms``, uint16 (inputs, neurons).
     """
@@ -118,7 +118,7 @@ def constants(config: Config, *, learn: bool) -> Constants:
 
 @lru_cache(maxsize=4)
 def trace_table(total: int, dt_ms: float) -> NDArray[np.float64]:
-    """Table of what is left of each trace after k steps, (3, total + 1)."""
+    """Value of each trace k steps after its spike, (3, total + 1)."""
     return np.array([[math.exp(-(k * dt_ms) / tau) for k in range(total + 1)] for tau in TRACE_TAUS_MS])
 
 

@@ -34,7 +34,7 @@ from lava_vpr.engine.conductance.kernels import (
 )
 from lava_vpr.kernelcache import compiled
 
-_CHUNK_STEPS = 256  # input is summed up so many steps ahead: its sums for 400 neurons then fit the second-level cache
+_CHUNK_STEPS = 256  # steps for which input is summed ahead: the sums of 400 neurons then fit the second-level cache
 _CALM_CHECK_STEPS = 32
 _PLASTIC_SLOTS = 16
 _RECENT, _AWAKE, _PLASTIC, _EXC_SPIKES, _INH_SPIKES = range(5)
@@ -77,7 +77,7 @@ class Inh(NamedTuple):
 
 @compiled(nogil=True)
 def _release(exc: Exc, tally: NDArray[np.int64], step: int, timer: int) -> None:
-    """Let neurons fire again whose timer has run out."""
+    """Allow neurons whose timer has run out to fire again."""
     kept = 0
     for r in range(tally[_RECENT]):
         i = exc.recent[r]
@@ -152,7 +152,7 @@ def _recruit_clipped(
 
 @compiled(nogil=True)
 def _undelivered(net: ConductanceDrive, longest: int, total: int) -> int:
-    """Input spikes times synapses that the presentation ends before."""
+    """Number of synaptic arrivals that would come after the end of the presentation."""
     lost = 0
     for p in range(np.searchsorted(net.when, total - longest), net.when.size):
         for i in range(net.delays.shape[0]):
@@ -172,7 +172,7 @@ def _arrivals(
     c: Constants,
     row: NDArray[np.float64],
 ) -> None:
-    """Replace the input sums in ``row`` of the ``n`` plastic neurons by what their present weights make of them."""
+    """Recompute the input sums in ``row`` of the ``n`` plastic neurons with their current weights."""
     for s in range(n):
         i = plastic.neuron[s]
         change = -1.0
@@ -192,7 +192,7 @@ def _calm(exc: Exc, inh: Inh, c: Constants) -> bool:
 
 @compiled(nogil=True)
 def _decay_theta(theta: NDArray[np.float64], steps: int, decay: float) -> None:
-    """What the steps that nobody need compute leave behind: of all states, theta alone outlasts a presentation."""
+    """Decay theta over steps that need no simulation; theta is the only state that outlasts a presentation."""
     for _ in range(steps if decay > 0.0 else 0):
         for i in range(theta.size):
             theta[i] -= decay * theta[i]

@@ -7,8 +7,8 @@ M = 2^23 and D(x, k) = sign(x) (|x| k >> 12)::
     v' = clip(D(v, 4096 - dv) + u' + b, +-(M - 1));   b = mantissa << exponent   (>> when it is negative)
     spike = v' > (threshold << 6);   v'[spike] = 0
 
-and, what Lava's LIF lacks and learning needs: ``v'`` is floored, held at 0 for some steps after a spike, and each spike
-may raise its neuron's threshold.
+Learning needs three things more, which Lava's LIF lacks: ``v'`` has a floor, stays at 0 for some steps after a spike,
+and each spike may raise its neuron's threshold.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from lava_vpr.loihi import (
 
 SignMode = Literal["null", "mixed", "excitatory", "inhibitory"]
 NO_FLOOR = -STATE_LIMIT
-"""A floor below every membrane, which stands for none."""
+"""The floor that stands for none: below every membrane."""
 
 
 def need(condition: bool, name: str, value: Any, limit: str) -> None:
@@ -75,7 +75,7 @@ class LifParameters:
         dv: Decay of the membrane v in units of 2^-12, 0..4096. With 4096 a membrane has no memory.
         floor: Lower bound of the membrane in the unit of the threshold, 2^6 units of v. None is no bound.
         hold_steps: Number of steps after a spike in which the membrane stays at 0.
-        theta_plus: What each spike adds to its neuron's threshold, for good.
+        theta_plus: Permanent rise of a neuron's threshold with each of its spikes.
     """
 
     du: int = 4095
@@ -132,7 +132,7 @@ def bias_of(mantissa: NDArray[Any] | int, exponent: NDArray[Any] | int) -> NDArr
 def stored_weights(
     weights: NDArray[Any], bits: int = WEIGHT_BITS, sign: SignMode = "excitatory", of: str = ""
 ) -> NDArray[np.int32]:
-    """Weights as ``bits`` bits of synapse memory hold them: the low bits of 8 become 0, of magnitude for inhibition.
+    """Weights as synapse memory stores them in ``bits`` bits: the low ones of the 8 bits of magnitude become 0.
 
     Args:
         weights: Whole numbers, any shape: 0..255, -255..0 if inhibitory, -256..255 if mixed.

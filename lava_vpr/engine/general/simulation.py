@@ -1,9 +1,9 @@
-"""Any network of LIF populations and dense synapses on the host, in Loihi's integers: the literal model of the others.
+"""Simulation of any network of LIF populations and dense synapses in Loihi's integers: the literal model of the fast
+kernels.
 
-A loop over the kernels of `engine.general.lif`. In every step each population integrates what its synapses summed up
-from the spikes of the step *before* (each connection buffers one step, as Lava's Dense), whatever the wiring: loops and
-synapses of a population to itself included. The network of places has an engine of its own, `engine.inference.fixed`;
-this one is general and slow.
+In every step, and in any wiring, loops included, each population integrates the sums that its synapses made from the
+spikes of the *previous* step: each connection buffers one step, as Lava's Dense. The steps are those of
+`engine.general.lif`. This engine is general and slow; the network of places has its own, `engine.inference.fixed`.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class Population:
 
     Attributes:
         threshold: Threshold of each neuron, in units of v >> 6, whole numbers (neurons,).
-        bias_mant, bias_exp: Bias mant 2^exp in units of v, one for all or one each; or (presentations, neurons) and
-            (presentations, 1), of which each holds for one interval, and the last from then on.
+        bias_mant, bias_exp: Bias mant 2^exp in units of v, one for all or one per neuron; or (presentations, neurons)
+            and (presentations, 1), a row for each interval, the last one for all later intervals.
         parameters: Settings that all its neurons share.
         reset_interval: Steps of a presentation: u, v and the hold are 0 at its start; 0: never reset.
     """
@@ -84,7 +84,7 @@ class Synapses:
     Attributes:
         source: Index of a population, or `INPUTS`.
         target: Index of a population.
-        weights: Whole numbers (pre, post), before ``bits`` and ``sign`` take their low bits.
+        weights: Whole numbers (pre, post), before ``bits`` and ``sign`` round off their low bits.
         bits: Lava's ``num_weight_bits``.
         exponent: Lava's ``weight_exp``: each sum is shifted by it.
         sign: Lava's ``sign_mode``.
@@ -176,7 +176,7 @@ class _State:
         self.films = np.zeros(shape, np.int32), np.zeros(shape, np.int32), np.zeros(shape, np.int64)
 
     def advance(self, step: int) -> None:
-        """Integrate the input sums ``drive`` in step ``step``, and record what is to be recorded."""
+        """Integrate the input sums ``drive`` in step ``step``, and record the results."""
         if self.interval and step % self.interval == 0:
             self.u[:] = self.v[:] = self.held[:] = 0
             self.bias = self.biases[min(step // self.interval, len(self.biases) - 1)]
@@ -192,7 +192,7 @@ def simulate(network: GeneralNetwork, spikes: NDArray[np.bool_], *, record: bool
 
     Args:
         network: What to run.
-        spikes: Input spikes, bool (steps, inputs); those of step t are felt at step t + 1.
+        spikes: Input spikes, bool (steps, inputs); those of step t arrive at step t + 1.
         record: Also record u, v and the input sums of every step.
     Raises:
         NetworkLimitError: the network or the spikes do not fit (`GeneralNetwork.check`).

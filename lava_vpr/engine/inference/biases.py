@@ -1,14 +1,14 @@
-"""Inputs that need no spike traffic: compartments on the chip that integrate a bias, and so spike regularly.
+"""Bias inputs: compartments on the chip that integrate a bias and so spike regularly, without spikes from the host.
 
-Before a presentation each input's bias and start membrane are written once; the latter shifts the train in time. In
-every step with input the membrane grows by the bias; a compartment whose membrane exceeds `LEVEL` spikes and starts
-again from 0. In the silent steps the bias is 0.
+Before a presentation the host writes each input's bias and start membrane once; the start membrane shifts the train in
+time. In every step with input the membrane grows by the bias; a compartment whose membrane exceeds `LEVEL` spikes and
+starts again from 0. In the silent steps the bias is 0.
 
 A rate of r 2^-16 spikes a step asks for an interval of 65536 / r steps. A compartment's interval is
 ``LEVEL // bias + 1``, so the bias ``2 r LEVEL // (2^17 - r)`` rounds it to the nearest whole number, as well as 12 bits
 of mantissa can say it.
 
-Excitatory neurons have biases, too: what the chip's registers hold of them, and how high they may be, stands below.
+Excitatory neurons have biases, too; this module also computes how registers round them and how high they may be.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ LEVEL = THRESHOLD << INPUT_SHIFT
 """The threshold of the input compartments in units of v."""
 
 SPARE_DECAY = 1
-"""Units of 2^-12 by which a chip may decay less than its register says before a bias of ours makes a neuron spike."""
+"""Margin of decay, in units of 2^-12: even if a chip decays by this much less than its register says, no bias makes a
+neuron spike without input."""
 
 _PURPOSE = "phase"
 _CRC = np.uint64(zlib.crc32(_PURPOSE.encode()))
@@ -133,7 +134,7 @@ def schedule(bias: NDArray[np.int32], key: np.uint64, steps: int) -> tuple[NDArr
         total, many[k] = total + many[k], total
     when, who, place = np.empty(total, np.int32), np.empty(total, np.int32), many
     starts, left = np.zeros(steps + 1, np.int64), np.uint64(active.size)
-    # In every round all inputs that go on spiking spike once: no branch of the inner loop depends on an input.
+    # In each round every input with spikes left spikes once: no branch of the inner loop depends on an input.
     while left > np.uint64(0):
         kept = np.uint64(0)
         for k in range(left):
@@ -163,7 +164,7 @@ def highest_bias(threshold: int, decay: int) -> int:
 
 
 def safe_bias(threshold: int, decay: int) -> int:
-    """`highest_bias` with `SPARE_DECAY` to spare: it holds on a chip whose decay is off by so much."""
+    """`highest_bias` with a margin of `SPARE_DECAY`: valid even on a chip whose decay is off by that much."""
     return highest_bias(threshold, max(0, decay - SPARE_DECAY))
 
 
@@ -175,7 +176,7 @@ def bias_registers(bias: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.in
     Returns:
         Mantissas int32 (..., neurons), and exponents int32 (...).
     """
-    values = np.asarray(bias, np.int64)  # of int32 the lowest has no magnitude
+    values = np.asarray(bias, np.int64)  # the lowest int32 has no positive counterpart
     sizes = np.abs(values)
     _, lengths = np.frexp(sizes.max(axis=-1, initial=0).astype(np.float64))  # bits, exact below 2^53
     exponents = np.asarray(np.maximum(lengths - BIAS_BITS, 0), np.int32)
@@ -183,7 +184,7 @@ def bias_registers(bias: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.in
 
 
 def held_biases(bias: NDArray[Any]) -> NDArray[np.int32]:
-    """What registers hold of ``bias``, (..., neurons), in units of v: each row as mantissas and one exponent."""
+    """``bias`` (..., neurons) in units of v as registers round it: each row has mantissas and one exponent."""
     mantissas, exponents = bias_registers(bias)
     return mantissas << exponents[..., None]
 

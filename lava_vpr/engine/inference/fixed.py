@@ -8,10 +8,11 @@ Per step t, in the units and with the truncations of lava-nc 0.10 (``proc/lif/mo
     v  = clip(sign(v) (|v| (4096 - dv) >> 12) + u + bias, +-(2^23 - 1))
     spike if v > vth << 6, then v = 0
 
-One inhibitory neuron listens to all excitatory ones, fires one step after any of them, and takes as much from every
-one, winners included, one step later. It cannot listen to more than `FAN_IN` neurons: beyond, each so many have a leaf
-of their own, and the root listens to the leaves, which takes one step more. Injected spikes reach many cores through
-relays on the chip, a step later. Both follow from the number of neurons alone (`FixedNetwork.depth`, `input_delay`).
+One inhibitory neuron listens to all excitatory ones, fires one step after any of them, and one step later inhibits
+every one equally, winners included. It can listen to at most `FAN_IN` neurons. In a larger network every `FAN_IN`
+neurons have a leaf, and the root listens to the leaves, which takes one more step. Where neurons are spread over many
+cores, injected spikes reach them through relays on the chip, one step later. Both depend only on the number of neurons
+(`FixedNetwork.depth`, `input_delay`).
 
 A presentation is ``steps`` steps with input and `FixedNetwork.silent_steps` without, after which nothing is in flight.
 """
@@ -48,7 +49,7 @@ SCALARS = (
     *("bits", "signed", "threshold", "inhibition", "inhibition_exponent"),
     *("decay", "steps", "regular", "bias_input"),
 )
-"""The numbers of a `FixedNetwork` besides its weights and biases, which have these names in files, too."""
+"""The scalar fields of a `FixedNetwork`, all but weights and biases; files use the same names."""
 
 EVENTS = (
     *("synaptic_operations", "synaptic_operations_dense", "neuron_updates"),
@@ -57,14 +58,14 @@ EVENTS = (
 """The events that a run counts; see `named_events`."""
 
 FAN_IN = CORE_AXONS
-"""Neurons that one inhibitory neuron can listen to: each takes an input axon of its core."""
+"""Neurons that one inhibitory neuron can listen to: each needs an input axon of its core."""
 
 DIRECT = 1024
-"""Neurons that injected spikes reach directly; of more, spread over many cores, relays on the chip pass them on."""
+"""Most neurons that injected spikes reach directly; with more, on many cores, relays on the chip pass them on."""
 
 
 def inhibitory_depth(neurons: int) -> int:
-    """Inhibitory neurons in a row between a spike of one of ``neurons`` neurons and what it takes: 1 or 2."""
+    """Inhibitory neurons in a row between an excitatory spike and the inhibition that it causes: 1 or 2."""
     return 1 if neurons <= FAN_IN else 2
 
 
@@ -74,7 +75,7 @@ def input_delay(neurons: int, bias_input: bool) -> int:
 
 
 def silent_steps(neurons: int, bias_input: bool) -> int:
-    """Steps after the last input until all that it can cause is over: to exc, to each inhibitory neuron, and back."""
+    """Steps after the last input until all its effects are over: to exc, to each inhibitory neuron, and back."""
     return input_delay(neurons, bias_input) + inhibitory_depth(neurons) + 1
 
 
@@ -88,15 +89,15 @@ class Prepared(NamedTuple):
 
 @dataclass(frozen=True)
 class FixedNetwork:
-    """Everything about the inference network, in integers; every fixed-point backend runs exactly this.
+    """The full specification of the inference network in integers, which every fixed-point backend runs exactly.
 
     Attributes:
         weights: Weights k with |k| < 2^bits, int16 (inputs, neurons); none below 0 unless ``signed``.
-        bias: What each membrane gains in every step, in units of v, int32 (neurons,); no neuron spikes by it alone.
+        bias: What each membrane gains in every step, in units of v, int32 (neurons,); alone it makes no neuron spike.
         bits: Bits of a weight's magnitude, 1..8, with a sign 1..7. Lava stores k << (8 - bits).
         signed: Whether weights have a sign, which takes a bit more.
         threshold: vth, compared with v >> 6.
-        inhibition: What the inhibitory neuron's spike takes, mantissa of its synapses (<= 255 x 2^exponent).
+        inhibition: What a spike of the root subtracts: mantissa of its synapses (<= 255 x 2^exponent).
         inhibition_exponent: Exponent of those synapses.
         decay: dv in units of 2^-12.
         steps: Steps with input in one presentation.
@@ -153,7 +154,7 @@ class FixedNetwork:
 
     @property
     def leaves(self) -> int:
-        """Inhibitory neurons that listen to excitatory ones, `FAN_IN` each but the last; 0: the root does itself."""
+        """Number of leaves, which listen to `FAN_IN` neurons each but the last; 0: the root listens to all."""
         return 0 if self.depth == 1 else -(-self.neurons // FAN_IN)
 
     @property
@@ -173,7 +174,7 @@ class FixedNetwork:
 
     @property
     def inhibition_delay(self) -> int:
-        """Steps from an excitatory spike to what it takes from all neurons."""
+        """Steps from an excitatory spike to the inhibition of all neurons."""
         return self.depth + 1
 
     @property
@@ -193,12 +194,12 @@ class FixedNetwork:
 
     @property
     def input_compartments(self) -> int:
-        """Number of compartments that stand for inputs: they integrate a bias, or relay what is injected; else none."""
+        """Number of compartments that stand for inputs: they integrate a bias, or relay injected spikes."""
         return self.inputs if self.bias_input or self.relayed else 0
 
     @property
     def lateral(self) -> int:
-        """What the inhibitory neuron's spike takes, in units of the input sum."""
+        """What a spike of the root subtracts, in units of the input sum."""
         return self.inhibition << self.inhibition_exponent
 
     @property
@@ -218,7 +219,7 @@ class FixedNetwork:
 
     @property
     def bias_registers(self) -> tuple[NDArray[np.int32], int]:
-        """Mantissas int32 (neurons,) and the one exponent of the biases, the least that holds them."""
+        """Mantissas int32 (neurons,) of the biases and their common exponent, the smallest that holds them."""
         mantissas, exponent = bias_registers(self.bias)
         return mantissas, int(exponent)
 
@@ -254,7 +255,7 @@ class FixedNetwork:
 
     @cached_property
     def span(self) -> tuple[int, int]:
-        """The least weight and the largest, or 0 where that is above the one or below the other."""
+        """The smallest weight, at most 0, and the largest, at least 0."""
         return int(self.weights.min(initial=0)), int(self.weights.max(initial=0))
 
     @cached_property
@@ -266,7 +267,7 @@ class FixedNetwork:
 
     @property
     def extremes(self) -> tuple[int, int]:
-        """The most that one step can bring to a neuron, and the most that it can take."""
+        """The most that the spikes of one step can add to a neuron's input sum, and the most that they can subtract."""
         up, down = self.sums
         return up, down + self.lateral
 
@@ -282,7 +283,7 @@ class FixedNetwork:
         return sums
 
     def bounded(self, bias: NDArray[np.int32]) -> bool:
-        """Whether with ``bias``, any shape, no current can wrap and no membrane be clipped, whatever spikes."""
+        """Whether no current can wrap and no membrane be clipped with ``bias`` (any shape), whatever spikes arrive."""
         most = (max(self.extremes) << INPUT_SHIFT) + int(np.abs(bias).max(initial=0))  # of a step; decay ends their sum
         return max(self.extremes) < INPUT_LIMIT and most * DECAY_UNITY < STATE_LIMIT * self.decay
 
@@ -330,7 +331,7 @@ class FixedNetwork:
 
 
 def inhibitory_spikes(network: FixedNetwork, exc: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Spikes of the inhibitory neurons, leaves and then the root, that follow from those of exc.
+    """Spikes of the inhibitory neurons, first the leaves, then the root, computed from those of exc.
 
     Args:
         network: The network.

@@ -38,10 +38,10 @@ class KernelNumbers(NamedTuple):
 
 
 def laid_out(weights: NDArray[np.int16]) -> NDArray[Any]:
-    """Weights (inputs, neurons) as `present` reads them, (inputs + 1, width).
+    """Weights (inputs, neurons) in the layout of `present`, (inputs + 1, width).
 
-    They are of the narrowest type that holds the sum of any `TOGETHER` of them, padded with silent neurons to whole
-    vector registers, and end with a row of zeros.
+    Their type is the narrowest that holds the sum of any `TOGETHER` of them. Silent neurons pad them to whole vector
+    registers, and a row of zeros ends them.
     """
     inputs, neurons = weights.shape
     most = TOGETHER * int(np.abs(weights).max(initial=0))
@@ -69,7 +69,7 @@ def integrate(
 ) -> np.int32:
     """Take one membrane step of all neurons from ``drive`` - ``pull`` and ``bias``; returns the highest membrane.
 
-    Where all is ``bounded`` no current can wrap and no membrane be clipped, so neither is looked at.
+    ``bounded`` says that no current can wrap and no membrane be clipped, so neither is checked.
     """
     top, span, input_shift = np.int32(STATE_LIMIT), np.int32(2 * STATE_LIMIT), np.int32(INPUT_SHIFT)
     ceiling, bottom = np.int32(STATE_LIMIT - 1), np.int32(1 - STATE_LIMIT)
@@ -119,7 +119,7 @@ def _add_rows(weights: NDArray[Any], row_sizes: NDArray[np.int64], inputs: NDArr
 
 @compiled(nogil=True)
 def add_weighted(weights: NDArray[Any], rates: NDArray[np.uint16], acc: NDArray[Any], sums: NDArray[np.int64]) -> None:
-    """Sum the weights of all inputs, each times its rate; inputs at rest cost nothing.
+    """Sum the weights of all inputs, each times its rate; inputs with rate 0 cost nothing.
 
     Args:
         weights: `laid_out`.
@@ -203,7 +203,7 @@ def present(
     no_members, no_row = np.zeros(0, np.int32), np.zeros(0, np.uint8)
     width, neurons = weights.shape[1], counts.shape[1]
     v, own, input_bias = np.zeros(width, np.int32), np.zeros(width, np.int32), np.zeros(rates.shape[1], np.int32)
-    volleys = np.zeros(numbers.total + numbers.inhibition_delay, np.bool_)  # the steps in which volleys take
+    volleys = np.zeros(numbers.total + numbers.inhibition_delay, np.bool_)  # the steps in which the root inhibits
     operations, input_spikes, exc_spikes, leaf_spikes, root_spikes = 0, 0, 0, 0, 0
     for q in range(rates.shape[0]):
         if numbers.regular:
@@ -217,12 +217,12 @@ def present(
         v[:] = own  # step 0: nothing but the bias has arrived
         volleys[:] = False
         for step in range(1, numbers.total):
-            # 1. The input spikes that arrive, and what they bring: sums of weights.
+            # 1. The input spikes that arrive, and the sums of their weights.
             sent = step - numbers.input_delay
             arriving = members[starts[sent] : starts[sent + 1]] if 0 <= sent < steps else no_members
             operations += _add_rows(weights, row_sizes, arriving, acc)
             input_spikes += arriving.size
-            # 2. All membranes, less what the inhibitory neuron takes; then this step's spikes.
+            # 2. All membranes with the root's inhibition; then this step's spikes.
             pull = lateral if volleys[step] else np.int32(0)
             if integrate(v, acc, own, pull, keep, bounded) > threshold:
                 row = raster[q, step] if raster.size > 0 else no_row

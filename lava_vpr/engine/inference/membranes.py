@@ -1,7 +1,7 @@
-"""Membranes of one presentation, worked out again from the spikes that reached the neurons.
+"""Membranes of one presentation, recomputed from the spikes that reached the neurons.
 
-The engine keeps spike counts, or every spike, and never its membranes: nobody who answers queries needs them. Whoever
-counts what a chip updates needs them, and gets them here with the engine's own membrane step.
+The engine returns spike counts, or every spike, but no membranes, since answering queries needs none. The cost model
+needs them to count what a chip updates; this module computes them with the engine's own membrane step.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ def membranes(
     inh: NDArray[np.uint8],
     bias: NDArray[np.int32] | None = None,
 ) -> Membranes:
-    """Membranes and spikes of exc in one presentation, from what reaches them; recorded spikes of exc are not asked.
+    """Membranes and spikes of exc in one presentation, from the spikes that reach them; recorded spikes of exc are not
+    used.
 
     Args:
         network: The network, checked.

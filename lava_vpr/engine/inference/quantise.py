@@ -1,7 +1,7 @@
-"""From learned float weights to the integers that Loihi runs.
+"""Quantisation: learned float weights become the integers that Loihi runs.
 
-Thresholds and inhibition are set in units of the drive that a neuron's own place brings it (`own_drive`), so that they
-mean the same whatever the number of input spikes, bits or neurons. All sums of integers are exact: equal weights and
+Thresholds and inhibition are multiples of the drive that a neuron gets from its own place (`own_drives`), so that they
+mean the same for any number of input spikes, bits or neurons. All sums of integers are exact: equal weights and
 references give equal networks on every machine.
 """
 
@@ -31,9 +31,9 @@ RATE_UNIT = 1 << 16
 
 
 def unit_norm(weights: NDArray[Weight]) -> NDArray[np.float64]:
-    """Give every neuron (column) the Euclidean norm 1; one without any weight stays without.
+    """Scale every neuron (column) to the Euclidean norm 1; a column of zeros stays zero.
 
-    Equal norms make neurons comparable under one threshold; this is what recall at high precision hangs on.
+    Equal norms make neurons comparable under one threshold; recall at high precision depends on this.
     """
     scaled = weights.astype(np.float64)
     norms = np.sqrt(np.sum(scaled * scaled, axis=0))
@@ -62,13 +62,13 @@ def pruned(weights: NDArray[Weight], share: float) -> NDArray[Weight]:
 def distinctive(learned: NDArray[np.float32], network: LifNetwork, shown: Sequence[Shown] = ()) -> NDArray[np.float64]:
     """Weights of norm 1 from ``learned`` ones (inputs, neurons), as ``network.signed`` and ``prune`` ask.
 
-    Signed weights are what a neuron learned less what all neurons share, the mean over them of weights of norm 1, or
-    less what it shares with its surroundings.
+    Signed weights are what a neuron learned minus the mean of all neurons' weights of norm 1, or minus what it shares
+    with its surroundings.
 
     Args:
         learned: Float weights.
         network: Settings.
-        shown: As in `quantise`; where ``network.surroundings`` is 0 nobody asks for it.
+        shown: As in `quantise`; not used where ``network.surroundings`` is 0.
     Raises:
         ConfigError: nothing was learned, all neurons have learned the same, or pruning leaves nothing of it.
     """
@@ -82,7 +82,7 @@ def distinctive(learned: NDArray[np.float32], network: LifNetwork, shown: Sequen
             parts = [surroundings(weights[:, part.neurons], common, network.surroundings, part) for part in shown]
             common = np.concatenate(parts, axis=1)[:, learning]
         weights[:, learning] -= common
-        weights[np.abs(weights) < 1e-12] = 0.0  # what rounding left of equal weights
+        weights[np.abs(weights) < 1e-12] = 0.0  # the rest that rounding leaves of equal weights
         if not weights.any():
             raise ConfigError(
                 "all neurons have learned the same, and signed weights hold differences; show other places"
@@ -108,7 +108,8 @@ def mantissa_of(value: float, most: int = SIGNED_WEIGHT_LIMIT) -> tuple[int, int
 
 
 def integer_weights(weights: NDArray[np.float64], bits: int) -> NDArray[np.int16]:
-    """``weights`` (inputs, neurons) in units of which the `TOP_PERCENTILE` of all are 2^bits - 1, larger ones cut."""
+    """``weights`` (inputs, neurons) scaled so that the `TOP_PERCENTILE` of their magnitudes becomes 2^bits - 1; larger
+    ones are clipped."""
     top, sizes = (1 << bits) - 1, np.abs(weights)
     largest = float(np.percentile(sizes, TOP_PERCENTILE)) or float(sizes.max())
     return np.clip(np.round(weights * (top / largest)), -top, top).astype(np.int16)
@@ -123,7 +124,7 @@ def mean_drives(weights: NDArray[np.int16], shown: Sequence[Shown]) -> NDArray[n
 
 
 def own_drives(weights: NDArray[np.int16], shown: Sequence[Shown]) -> NDArray[np.float64]:
-    """What the reference of its stretch that suits each neuron best brings it, as `mean_drives`."""
+    """The largest drive that each neuron gets from any reference of its stretch, in units of `mean_drives`."""
     best = np.zeros(weights.shape[1])
     for part in shown:
         drives = part.rates.astype(np.float64) @ weights[:, part.neurons].astype(np.float64)
@@ -132,17 +133,17 @@ def own_drives(weights: NDArray[np.int16], shown: Sequence[Shown]) -> NDArray[np
 
 
 def biases_of(drives: NDArray[np.float64], highest: int) -> NDArray[np.int32]:
-    """Biases in units of v that take ``drives`` (..., neurons) off, as registers hold them, none above ``highest``."""
+    """Biases in units of v that subtract ``drives`` (..., neurons), as registers hold them, none above ``highest``."""
     most = ((1 << BIAS_BITS) - 1) << BIAS_EXPONENT_LIMIT
     wanted = np.clip(np.round(-drives * (1 << INPUT_SHIFT)), -most, min(most, highest))
     return held_biases(wanted.astype(np.int64))
 
 
 def check_steps(network: LifNetwork, neurons: int) -> int:
-    """The silent steps of a presentation to so many neurons.
+    """The silent steps of a presentation to ``neurons`` neurons.
 
     Raises:
-        ConfigError: it has no other steps.
+        ConfigError: the presentation has no other steps.
     """
     silent = silent_steps(neurons, network.input_mode == "bias")
     if network.steps <= silent:
@@ -160,7 +161,8 @@ def quantise(weights: NDArray[np.float64], network: LifNetwork, shown: Sequence[
         network: Settings.
         shown: The references, stretch after stretch; together they hold all neurons.
     Raises:
-        ConfigError: no reference drives its neuron more than the others do, or a presentation would be all silence.
+        ConfigError: no reference drives its neuron more than the others do, or a presentation would have silent steps
+            only.
         NetworkLimitError: the network could overflow (`FixedNetwork.check`).
     """
     integers, neurons = integer_weights(weights, network.weight_bits), weights.shape[1]
@@ -184,9 +186,9 @@ def scaled(network: LifNetwork, weights: NDArray[np.int16], unit: float) -> Fixe
     Args:
         network: The settings; threshold and inhibition are multiples of ``unit``.
         weights: Integer weights, int16 (inputs, neurons).
-        unit: What an image of its own place brings a neuron in one step, in units of the weights.
+        unit: Drive that a neuron gets in one step from an image of its own place, in units of the weights.
     Raises:
-        ConfigError: a presentation would be all silence.
+            ConfigError: a presentation would have silent steps only.
     """
     neurons = weights.shape[1]
     mantissa, exponent = mantissa_of(network.inhibition * unit)

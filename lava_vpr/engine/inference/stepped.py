@@ -1,4 +1,4 @@
-"""The network with neurons of any model, step by step in numpy: as `fixed_kernels.present`, but for the neurons."""
+"""The network with any neuron model, step by step in numpy; all but the neurons is as in `fixed_kernels.present`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT
 from lava_vpr.neurons.models import NeuronConstants, NeuronModel, State
 
 TOGETHER = 16
-"""Presentations that take a step together: their drives of all steps are held at once."""
+"""Presentations that advance together: the drives of all their steps are in memory at once."""
 
 
 def present_stepped(

@@ -1,11 +1,12 @@
 """What a place shares with its surroundings, the places before and after it on the route.
 
-Neighbours see the same landscape, light and weather. What they share tells them apart from other parts of the route,
-and not from each other; where the season changes it, it misleads. With ``network.surroundings`` it is taken off a
-neuron's weights, in place of what all neurons share: as much of it as the neighbours of a stretch tell of a place, of
-all places, by least squares. In a set without order they tell next to nothing, and what all share is taken off.
+Neighbouring places show the same landscape, light and weather. What they share distinguishes them from other parts of
+the route, but not from each other, and it misleads where the season changes it. With ``network.surroundings`` it is
+subtracted from a neuron's weights, instead of the mean over all neurons. How much is subtracted is fitted by least
+squares over all places of a stretch: how well neighbours predict a place. In a set without order they predict almost
+nothing, and the mean over all neurons is subtracted.
 
-Surroundings end where a stretch does: what is known of a part of a route is the same, whatever it is joined with.
+Surroundings end at the ends of a stretch, so a stretch is learned the same way whatever it is joined with.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 EXACT = 1 << 20
-"""Weights are summed in units of 1 / EXACT: sums of whole numbers are the same in any order, on every machine."""
+"""Weights are summed as whole numbers, in units of 1 / EXACT: such sums are equal in any order and on every machine."""
 ALIKE = 0.25
-"""Places whose weights, less what all share, have a larger cosine show the same, and are no surroundings of each other:
-what they share is the place itself. Set by hand: on Nordland 0:200 neither .15 nor .35 is better."""
+"""Largest cosine between the weights (minus the mean) of two places that count as surroundings of each other; with a
+larger one they show the same place. Set by hand: on Nordland 0:200 neither .15 nor .35 is better."""
 
 
 class Shown(NamedTuple):
-    """References of one stretch, by whose rates neurons are scaled.
+    """The references of one stretch, whose rates set the scale of its neurons.
 
     Attributes:
         rates: Their rates as queries, traverse after traverse, uint16 (images, inputs).
@@ -53,9 +54,9 @@ def surroundings(
     """What the neurons of a stretch share with their surroundings, float64 (inputs, neurons).
 
     Args:
-        weights: Of its neurons, of norm 1, or 0 where nothing was learned, float64 (inputs, neurons).
+        weights: Weights of its neurons, norm 1, or 0 where nothing was learned, float64 (inputs, neurons).
         common: The mean over all neurons, float64 (inputs, 1): taken where there are no surroundings.
-        reach: So many places on either side are looked at.
+        reach: Number of places on either side that count as surroundings.
         shown: The stretch.
     """
     exact = np.rint(weights * EXACT)

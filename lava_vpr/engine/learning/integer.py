@@ -11,9 +11,9 @@ plasticity ``magma/core/model/py/connection.py`` and ``magma/core/learning``)::
              127 if the input spikes
     on a spike: w = round(w + sum of S 2^E (x - target) (255 - w)^mu), stochastically, within 0..255
 
-Stochastic rounding compares with one random number for all traces of a step and one for all weights of a step, as Lava
-does. Between presentations the host brings each neuron's weights to the same sum, which no learning engine can: it adds
-over a neuron's synapses.
+Stochastic rounding uses one random number for all traces of a step and one for all weights of a step, as Lava does.
+Between presentations the host normalises each neuron's weights to the same sum; no learning engine can, since that
+needs a sum over a neuron's synapses.
 """
 
 from __future__ import annotations
@@ -95,9 +95,9 @@ class WeightRule:
         return " + ".join(terms).replace("+ -", "- ")  # Lava cannot read a sign after a sign
 
     def decay(self) -> tuple[NDArray[np.uint8], NDArray[np.uint64]]:
-        """The whole part of each trace 0..127 one step later, and the probability of one more in units of 2^-53.
+        """Decay of each trace 0..127 in one step: its whole part, and the probability of rounding up in units of 2^-53.
 
-        A draw of 53 bits rounds up when it is below.
+        A trace rounds up when a draw of 53 bits is below that.
         """
         value = np.exp(-1 / self.tau) * np.arange(TRACE_LIMIT + 1)
         return np.floor(value).astype(np.uint8), np.ceil((value % 1) * 2.0**53).astype(np.uint64)
@@ -121,14 +121,14 @@ def products(rate: float) -> tuple[tuple[int, int], ...]:
 
 @dataclass(frozen=True)
 class IntegerLearning:
-    """One phase of learning, wholly in integers; every machine and Lava's Processes run exactly this.
+    """One phase of learning in integers, which every machine and Lava's Processes run exactly.
 
     Attributes:
         rule: Weight change and trace.
-        inhibition: What the inhibitory neuron takes from every neuron but those whose spikes made it fire, in units of
-            the input sum.
+        inhibition: What the inhibitory neuron subtracts from every neuron except those whose spikes made it fire, in
+            units of the input sum.
         neurons: As in `LifParameters`: membrane decay, floor, hold, and what a spike adds to its neuron's threshold.
-        weight_sum: What the host normalises each neuron's weights to, before a presentation; 0: it does not.
+        weight_sum: Sum to which the host normalises each neuron's weights before a presentation; 0: no normalisation.
         steps: Steps with input in one presentation.
         silent_steps: Steps without input that follow, at least `SILENT_STEPS`.
         late_theta: Thresholds rise after a presentation, by the host, instead of at each spike.
@@ -277,7 +277,7 @@ def present(
         key: The presentation's key (`lava_vpr.engine.random.presentation_key`).
         draws: Random numbers of its steps (default: `step_draws` of the key).
         traces: Traces at the start, changed in place (default: all 0).
-        inhibition: What the inhibitory neuron takes from each neuron, int64 (neurons,), in units of the input sum
+        inhibition: What the inhibitory neuron subtracts from each neuron, int64 (neurons,), in units of the input sum
             (default: ``learning.inhibition`` from all).
         raster: Also record every spike.
     Returns:

@@ -15,8 +15,8 @@ from lava_vpr.kernelcache import compiled
 from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_LIMIT
 
 SILENT_STEPS = 3
-"""Steps, at least, after the last input of a training presentation: its spikes reach exc, exc's the inhibitory neuron,
-whose the others."""
+"""Fewest steps after the last input of a training presentation: one until its spikes reach exc, one until those of exc
+reach the inhibitory neuron, one until it inhibits the others."""
 
 _S32 = np.uint64(32)
 _ACCUMULATOR = (1 << 15) - 1
@@ -133,7 +133,8 @@ def learn_column(
 def _decay_epochs(
     value: NDArray[np.uint8], newest: int, whole: NDArray[np.uint8], fraction: NDArray[np.uint64], draw: np.uint64
 ) -> None:
-    """`decay_traces` of what spikes of each step have left, ``value[:newest]``; ever less with their age."""
+    """`decay_traces` of the values ``value[:newest]``, one for the spikes of each step; older spikes have smaller
+    values."""
     for s in range(newest - 1, -1, -1):
         k = value[s]
         if k == 0:
@@ -185,8 +186,8 @@ def train(
     fired = np.zeros((3, neurons), np.bool_)
     n_fired = np.zeros(3, np.int64)
     classes = TRACE_LIMIT + 1
-    value = np.arange(classes + steps).astype(np.uint8)  # of traces at the start, then of those set in each step
-    last = x.astype(np.int32)  # where in ``value`` each trace is
+    value = np.arange(classes + steps).astype(np.uint8)  # traces at the start, then those set in each step
+    last = x.astype(np.int32)  # index of each trace in ``value``
     warm = x.max() > 0
     for step in range(steps + phase.silent_steps):
         now, before = step % 3, (step + 1) % 3  # (step - 2) mod 3
@@ -195,7 +196,7 @@ def train(
             if n_fired[before] > 0 and not fired[before, i]:
                 drive[i] -= inhibition[i]
         n_fired[now] = lif_step(u, v, theta, held, drive, bias, phase.lif, fired[now])
-        # What the inputs of this step will bring, by the weights before this step's learning.
+        # The input sums that this step's spikes will bring, with the weights before this step's learning.
         buffer[:] = 0
         if warm:
             _decay_epochs(value[:classes], classes, whole, fraction, draws.traces[step])

@@ -1,20 +1,20 @@
-"""Integer learning with what Lava's library has: one threshold for all neurons, no floor, no hold, no normalisation.
+"""Integer learning within the limits of Lava's library: one threshold for all neurons, no floor, hold or normalisation.
 
-Thresholds that rise are folded into the weights. The membrane is linear and reset to 0, so that a neuron of threshold T
-spikes exactly when one of threshold ``common`` would whose inputs were all scaled by common / T. Between presentations
-the host, which normalises each neuron's weights anyway (no learning engine adds over a neuron's synapses), does that::
+Rising thresholds are folded into the weights. The membrane is linear and reset to 0, so a neuron with threshold T
+spikes exactly when a neuron with threshold ``common`` and all inputs scaled by common / T would. The host does this
+scaling between presentations, together with the normalisation, which no learning engine can do::
 
     W      = normalised(W)                   to ``weight_sum``, as `lava_vpr.engine.learning.integer.normalise`
-    w      = min(255, W common / T)          what the chip gets, rounded stochastically
+    w = min(255, W common / T) the chip's weight, rounded stochastically
     L      = min(255, (2 M common + T) // 2T) 2^E     its lateral weight, M 2^E the inhibition at T = common
     ...      one presentation on the chip, from cleared states: w becomes w', neuron i spikes n_i times
     W      = clip(W + w' - w, 0, 255)        what was learned, in full
     T      = T + theta_plus n                at most 17 bits
 
-The host keeps W and T; the chip knows w, L and the one threshold. ``common`` is the upper median of T at the start of
-an epoch: at the scale of 1 the 8 bits of a weight are used in full, and the chip's rule, which adds the same absolute
-amount to every weight, adds the right one. A neuron whose T lies above learns too fast within a presentation, one below
-too slowly, but what it keeps is that amount, not its quotient by the scale.
+The host keeps W and T; the chip has w, L and the one threshold. ``common`` is the upper median of T at the start of an
+epoch: for a neuron with T = ``common`` all 8 bits of a weight are used, and the chip's rule, which adds an absolute
+amount, adds the right one. A neuron with a larger T learns too fast within a presentation, one with a smaller T too
+slowly; but the host adds the chip's amount to W as it is, not divided by the scale.
 
 Random numbers within a presentation are those of Lava's fixed-point ``LearningDense``, in one run of Lava an epoch.
 """
@@ -55,10 +55,10 @@ class FoldedPhase:
     """One phase of folded learning.
 
     Attributes:
-        chip: What the chip runs: no floor, no hold, thresholds that stay, weights that are not normalised, silent steps
-            that make a presentation as long as the chip can reset.
-        weight_sum: What the host normalises each neuron's weights to.
-        theta_plus: What the host adds to a neuron's threshold for each of its spikes.
+        chip: The phase as the chip runs it: without floor, hold or normalisation, with constant thresholds, and with
+            silent steps up to an interval at which the chip can reset.
+        weight_sum: Sum to which the host normalises each neuron's weights.
+        theta_plus: Amount that the host adds to a neuron's threshold for each of its spikes.
         threshold_factor: All thresholds are multiplied by it / 256 when the phase begins.
         epochs: Number of epochs.
     """
@@ -82,7 +82,7 @@ def settings(learning: StdpLearning) -> StdpLearning:
 
 
 def silent_steps(steps: int) -> int:
-    """Steps without input after so many with: at least `SILENT_STEPS`, and as many as make an interval of Loihi 2.
+    """Silent steps after ``steps`` with input: at least `SILENT_STEPS`, up to an interval at which Loihi 2 can reset.
 
     Raises:
         NetworkLimitError: no interval between two resets is so long.
@@ -98,9 +98,9 @@ def silent_steps(steps: int) -> int:
 
 
 ETA, THETA_PLUS = 0.6, 1.0
-"""Factors on ``learning.eta`` (first phase) and ``learning.theta_plus``. Chosen on Nordland 0:500, seeds 0 to 2: recall
-there is optimistic. Without the step of rest after a spike, and with a threshold that stays where it is during a
-presentation, a neuron spikes more often in it; at the full rate it then learns one presentation by heart
+"""Factors on ``learning.eta`` (first phase) and ``learning.theta_plus``. Chosen on Nordland 0:500, seeds 0 to 2, so
+recall there is optimistic. Without a hold after a spike, and with a constant threshold, a neuron spikes more often in a
+presentation; at the full rate it would overfit to that one presentation
 (`python -m benchmarks recall chip-learning`)."""
 
 
@@ -114,7 +114,7 @@ def folded_phases(learning: StdpLearning, inputs: int, spikes_per_step: float) -
     folded = settings(learning)
     for name in ("tau_trace", "consolidation_tau_trace"):
         tau = getattr(folded, name)
-        if tau != int(tau):  # Lava keeps it in an integer Var, which it reads whenever one is set
+        if tau != int(tau):  # Lava keeps it in an integer Var, and reads it whenever one is set
             raise ConfigError(f"learning.{name} is {tau!r}, but must be a whole number of steps to learn on the chip")
     first, second = (
         FoldedPhase(
@@ -202,7 +202,7 @@ def laterals(inhibition: int, thresholds: NDArray[np.int32], common: int) -> tup
 
 @dataclass(frozen=True)
 class Boundary:
-    """The weights uint8 (inputs, neurons) and lateral weights that the host gives the chip before a presentation."""
+    """What the host writes to the chip before a presentation: weights, uint8 (inputs, neurons), and lateral weights."""
 
     weights: NDArray[np.uint8]
     mantissas: NDArray[np.int64]
@@ -210,10 +210,10 @@ class Boundary:
 
 
 class FoldedTrainer:
-    """One stretch's plastic network as the library runs it; on a board, or as it is simulated.
+    """The plastic network of one stretch as Lava's library runs it, on a board or simulated.
 
-    `present` is `begin`, a presentation on the host's model of the chip, and `end`; with a chip, or Lava, between the
-    two this is its host program.
+    `present` is `begin`, a presentation on the host's model of the chip, and `end`. A host program for a chip, or for
+    Lava, calls `begin` and `end` around its own presentation.
     """
 
     def __init__(self, learning: Sequence[FoldedPhase], state: PlasticState, seeds: Sequence[int]) -> None:
@@ -221,7 +221,7 @@ class FoldedTrainer:
 
         Args:
             learning: The phases.
-            state: Weights and thresholds at the start, which live on here.
+            state: Weights and thresholds at the start, changed in place.
             seeds: Lava's ``rng_seed`` of each epoch (`library_seed`).
         """
         self.learning, self._state, self.seeds = tuple(learning), state, tuple(seeds)
@@ -230,7 +230,7 @@ class FoldedTrainer:
         self._start = float(state.theta.min())
 
     def begin_epoch(self, epoch: int) -> None:
-        """Choose phase and common threshold of ``epoch`` (from 0); to be called before the epoch's first image."""
+        """Choose phase and common threshold of ``epoch`` (from 0); call it before the epoch's first image."""
         first = 0
         for phase in self.learning:
             if first <= epoch < first + phase.epochs:
@@ -248,7 +248,7 @@ class FoldedTrainer:
         return Boundary(fold(self._state.weights, self._state.theta, self.common, key), mantissas, exponent)
 
     def end(self, boundary: Boundary, weights: NDArray[np.uint8], counts: NDArray[np.int32]) -> None:
-        """Take over what the chip learned: its ``weights`` after the presentation, and its spike counts."""
+        """Add what the chip learned, from its ``weights`` after the presentation and its spike counts."""
         unfold(self._state.weights, boundary.weights, weights)
         raised = self._state.theta + counts.astype(np.int64) * self.phase.theta_plus
         self._state.theta[:] = np.minimum(raised, THRESHOLD_LIMIT - 1)
@@ -283,5 +283,5 @@ class FoldedTrainer:
         return Thresholds(self._state.theta, self._start, THRESHOLD_LIMIT - 1)
 
     def state(self) -> dict[str, NDArray[np.uint8] | NDArray[np.int32]]:
-        """Live arrays: the host's ``weights`` and ``theta``."""
+        """The host's ``weights`` and ``theta``, not copied."""
         return {"weights": self._state.weights, "theta": self._state.theta}

@@ -1,11 +1,11 @@
-"""Recruiting: places that no neuron has made its own are learned, at the end, by neurons that have none.
+"""Recruiting: after the last epoch, neurons without a place learn the places without a neuron.
 
-Winners take all, so that two neurons can share a place, in turns, while a third holds two: of two networks of 100
-neurons for 100 places, about one leaves a place without. Thresholds cannot mend that: what the idle one of the two has
-learned is its own place, and a threshold that let another place through would let all through. So after the last epoch
-the host shows such places again, and lets nobody else spike: it raises all other thresholds as high as they go. The
-rule and the network are those of the second phase; the host, which knows which image it shows and counts the spikes,
-writes thresholds between presentations, as it does for homeostasis.
+In winner-take-all competition two neurons can take turns at one place while a third neuron holds two. About every
+second network of 100 neurons for 100 places ends with a place that has no neuron. Thresholds cannot repair this: of two
+neurons that share a place, both have learned that place, and a threshold low enough for another place would let every
+place through. So the host shows each place without a neuron again, and raises the thresholds of all neurons that have a
+place so high that they cannot spike. Rule and network are those of the second phase. The host knows which image it
+shows and counts the spikes; it writes thresholds between presentations, as it does for homeostasis.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from lava_vpr.engine.random import derived_key
 
 
 class Thresholds(NamedTuple):
-    """The thresholds of a network that learns.
+    """The thresholds of a learning network, and their range.
 
     Attributes:
-        theta: Those of its neurons, (neurons,), live: what is written is what it learns with.
+        theta: Thresholds of the neurons, (neurons,); a view, so writing to it changes the network.
         start: The threshold at the start of learning.
-        highest: One that no membrane of the network's range exceeds in practice.
+        highest: A threshold that no membrane reaches in practice.
     """
 
     theta: NDArray[Any]
@@ -35,20 +35,20 @@ class Thresholds(NamedTuple):
 
 
 def rounds(learning: StdpLearning) -> int:
-    """How often places without a neuron are shown again: as often as the second phase shows all; 0: never."""
+    """How often places without a neuron are shown again: the number of epochs of the second phase; 0: never."""
     return learning.epochs - learning.competing if learning.recruit else 0
 
 
 def key_again(key: int, times: int) -> int:
-    """The key of an image that is shown for the ``times``-th time more in the epoch with the presentation ``key``."""
+    """The presentation key of an image's ``times``-th repetition in the epoch in which its key is ``key``."""
     return derived_key(key, f"again {times}") if times else key
 
 
 def unpaired(counts: NDArray[Any]) -> tuple[list[int], list[int]]:
     """Places without a neuron and neurons without a place.
 
-    A neuron's place is the one that it spikes most for, the first of equal ones. The neuron of a place is, of those
-    whose place it is, the one that spikes most; all others, and silent ones, have none.
+    A neuron prefers the place for which it spikes most, the first of equal ones. Of the neurons that prefer a place the
+    one that spikes most gets it; the others, and silent neurons, have no place.
 
     Args:
         counts: Spikes of every neuron for every place, (places, neurons).
@@ -63,16 +63,17 @@ def unpaired(counts: NDArray[Any]) -> tuple[list[int], list[int]]:
 def recruit(
     thresholds: Thresholds, counts: NDArray[Any], again: int, show: Callable[[int, int], NDArray[Any] | None]
 ) -> bool:
-    """Show places without a neuron ``again`` times to neurons without a place; False if that was stopped.
+    """Show each place without a neuron ``again`` times to the neurons without a place; False if stopped.
 
-    The first time all of these may spike; the one that spikes most then is the place's, and alone may go on. Of equal
-    ones it is the first; where none spikes, the place stays without. Thresholds are put back at the end.
+    At the first presentation all of these neurons may spike. The one that spikes most, the first of equal ones, gets
+    the place, and only it may spike in later presentations. If none spikes, the place stays without a neuron.
+    Thresholds are restored at the end.
 
     Args:
-        thresholds: Of the network, which learns.
+        thresholds: Thresholds of the learning network.
         counts: Spikes in the last epoch, (places, neurons).
-        again: Number of times.
-        show: Shows the network a place, for the so-many-th time more, and returns its spikes (neurons,); None: stopped.
+        again: Number of presentations of each place. show: Function of a place and the number of its repetition;
+        returns the spikes, (neurons,), or None if stopped.
     """
     places, free = unpaired(counts) if again else ([], [])
     theta, before = thresholds.theta, thresholds.theta.copy()

@@ -6,8 +6,8 @@ input spike and decays by exp(-1 / tau_trace) a step. Homeostasis raises a neuro
 spike, for good; before a presentation every neuron's weights are normalised to the same mean.
 
 All arithmetic is elementwise or summed in a fixed order, without fused or reordered operations, so that every machine
-and every vector width computes the same bits. One inhibitory neuron fires when any excitatory one has; what it takes is
-given back to those, so that winners are spared.
+and every vector width computes the same bits. One inhibitory neuron fires when any excitatory one has; neurons that
+spiked get its inhibition back, so that winners are spared.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Phase = TypeVar("Phase")
 class PlasticState:
     """The state that training changes: ``weights`` (inputs, neurons) and thresholds ``theta`` (neurons,).
 
-    Both are float32; of learning in integers (`engine.learning.integer`) uint8 and int32.
+    Both are float32; learning in integers (`engine.learning.integer`) has uint8 and int32.
     """
 
     weights: NDArray[Any]
@@ -50,7 +50,7 @@ def start_weights(inputs: int, neurons: int, learning: StdpLearning, seed: int, 
 def initial_state(
     inputs: int, neurons: int, learning: StdpLearning, spikes_per_step: float, seed: int, stretch: int
 ) -> PlasticState:
-    """`start_weights`, and the threshold of the settings; ``spikes_per_step`` decides that of integers alone."""
+    """`start_weights` and the threshold of the settings; ``spikes_per_step`` matters only to learning in integers."""
     weights = start_weights(inputs, neurons, learning, seed, stretch).astype(np.float32)
     return PlasticState(weights, np.full(neurons, learning.threshold, np.float32))
 
@@ -245,7 +245,8 @@ def phases(learning: StdpLearning, inputs: int, spikes_per_step: float) -> tuple
 
 
 def of_both(learning: StdpLearning, phase: Callable[[float, float, float, float], Phase]) -> tuple[Phase, Phase]:
-    """Competition and consolidation, each made of its ``eta``, ``tau_trace``, ``x_target`` and ``theta_plus``."""
+    """Competition and consolidation, each made by ``phase`` from its ``eta``, ``tau_trace``, ``x_target`` and
+    ``theta_plus``."""
     return (
         phase(learning.eta, learning.tau_trace, learning.x_target, learning.theta_plus),
         phase(learning.consolidation_eta, learning.consolidation_tau_trace, learning.consolidation_x_target, 0.0),
