@@ -1,4 +1,4 @@
-"""What a query costs on the boards, by the cost model: where neurons stand, what is counted, energies and times."""
+"""Modelled costs of a query on the boards: plans, counted events, energies and times."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from lava_vpr.model import Model, as_integer
 
 
 def plans_of(model: Model, targets: tuple[str, ...]) -> dict[str, Plan | str]:
-    """Where the network stands on each board, or why it cannot."""
+    """The network's plan for each board, or the reason why it does not fit."""
     plans: dict[str, Plan | str] = {}
     for name in targets:
         try:
@@ -35,7 +35,7 @@ def plans_of(model: Model, targets: tuple[str, ...]) -> dict[str, Plan | str]:
 def costs_of(
     model: Model, name: str, plan: Plan | str, trains: Trains | None, queries: int
 ) -> tuple[Modelled, StepTimes | None]:
-    """The costs on one board, and its time in each step."""
+    """Costs on one board, and its time in each step."""
     if isinstance(plan, str) or trains is None:
         return _unavailable(model, BOARDS[name], plan if isinstance(plan, str) else "no integer network"), None
     events = count_events(plan, trains)
@@ -49,7 +49,7 @@ def costs_of(
 
 
 def constants() -> tuple[Constant, ...]:
-    """Every constant of the cost model of all boards, each once, and the power of a processor."""
+    """Every constant of the cost models of all boards, each once, and the power of a processor."""
     known = [board.constants for board in BOARDS.values() if board.constants is not None]
     listed = [constant for of_board in known for constant in of_board.listed()]
     listed.append(HOST_POWER)
@@ -57,7 +57,7 @@ def constants() -> tuple[Constant, ...]:
 
 
 def step_times(plan: Plan, events: EventCounts, constants: CostConstants) -> StepTimes:
-    """What the board does in each step, mean over the queries, with nominal constants."""
+    """Time of the board in each step, mean over the queries, with nominal constants."""
     receive, neurons = (part / 1e3 for part in step_nanoseconds(events, constants, "nominal"))
 
     def mean(microseconds: NDArray[np.float64]) -> tuple[float, ...]:
@@ -73,7 +73,7 @@ def step_times(plan: Plan, events: EventCounts, constants: CostConstants) -> Ste
 
 
 def _unavailable(model: Model, board: Board, reason: str) -> Modelled:
-    """A board that the network cannot run on."""
+    """The entry of a board on which the network cannot run."""
     integer = as_integer(model)
     steps, mode = model.config.network.steps, "injected"
     if integer is not None:

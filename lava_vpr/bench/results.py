@@ -1,7 +1,7 @@
-"""What `lava-vpr bench` finds out, as plain values: the table, the JSON file and the page are all made of these.
+"""The results of `lava-vpr bench` as plain values, from which the tables, the JSON file and the page are made.
 
-All the energy of a query: what a board takes is modelled (`lava_vpr.deploy.cost.costs`). What a processor does is timed
-on this machine, single queries on one thread, and multiplied by an assumed power
+All the energy of a query has two parts. That of a board is modelled (`lava_vpr.deploy.cost.costs`). That of a processor
+is its time for single queries on one thread of this machine, multiplied by an assumed power
 (`lava_vpr.deploy.boards.constants.HOST_POWER`), the same for every way to answer.
 """
 
@@ -25,21 +25,21 @@ from lava_vpr.truth.alignment import Located, PositionErrors
 
 @dataclass(frozen=True)
 class Measured:
-    """A backend on this machine, or on a board.
+    """Measured time, memory and energy of a backend on this machine or on a board.
 
     Attributes:
         name: The name of the backend, or of a stage beside it (``encoding``: an image file to input rates).
-        what: What was timed, in words, from what to what.
-        queries: How many different queries were answered.
-        threads: Threads that answered them in `queries_per_second`; single queries are timed on one.
+        what: Description of what was timed, from where to where.
+        queries: Number of different queries answered.
+        threads: Threads used for `queries_per_second`; single queries are timed on one.
         queries_per_second: All queries in one batch; the fastest round.
         milliseconds: Times of single queries, one after another; sorted.
-        peak_bytes: Most memory that the process answering them held; None: not measured.
+        peak_bytes: Peak memory of the process that answered them; None: not measured.
         joules_per_query: Energy of the processor, by RAPL, idle not subtracted; None: see ``no_energy``.
         no_energy: Why there is no energy; empty if there is.
         absent: Why the backend was not measured at all; empty if it was.
-        board: A board's own figures, by its profiler (power in mW, steps, idle power subtracted), by name; None: it
-            is none.
+        board: Figures of a board's own profiler by name (power in mW with idle power subtracted, steps); None: not a
+            board.
     """
 
     name: str
@@ -57,15 +57,16 @@ class Measured:
 
 @dataclass(frozen=True)
 class Workload:
-    """NeuroBench's metrics (Yik et al., Nature Communications 2025); per query where not said otherwise.
+    """NeuroBench's metrics (Yik et al., Nature Communications 2025), per query unless stated otherwise.
 
     Attributes:
         footprint_bytes: Bytes of the network's parameters and states as stored.
         parameters: Number of synaptic weights and other parameters.
         connection_sparsity: Zeros among all weights, 0..1.
         activation_sparsity: 1 - spikes / (neurons x steps), 0..1.
-        dense_operations: Synaptic operations if no zero were skipped.
-        effective_macs, effective_acs: Operations whose input and weight are both not 0; spikes make them accumulates.
+        dense_operations: Synaptic operations if zeros were not skipped.
+        effective_macs, effective_acs: Operations whose input and weight are both not 0; with spikes they are
+            accumulates.
         membrane_updates: Membranes that were updated.
     """
 
@@ -81,15 +82,15 @@ class Workload:
 
 @dataclass(frozen=True)
 class AskedOn:
-    """A query on a board, asked in several views or adapted; energies and times modelled, None where there are none.
+    """Modelled costs of a query on a board, in several views or adapted; None where the board has no public constants.
 
     Attributes:
-        presentations: Of a query, one a view.
+        presentations: Presentations of a query, one per view.
         steps: In all presentations.
-        registers: Registers that are written for a query between presentations.
+        registers: Registers written for a query between presentations.
         dynamic_microjoules: Dynamic energy, host I/O not included.
         milliseconds: Time on the chip.
-        io_milliseconds: Time of the host's traffic, apart.
+        io_milliseconds: Time of host I/O, not included in ``milliseconds``.
     """
 
     presentations: int
@@ -102,17 +103,17 @@ class AskedOn:
 
 @dataclass(frozen=True)
 class GainsCost:
-    """What it takes that inputs have gains: counted, of a query where nothing else is said.
+    """The cost of gains of inputs, counted per query unless stated otherwise.
 
     Attributes:
-        lessened: Inputs whose gain is below 15, mean over the queries.
-        products: Products of activity and gain that the host forms, mean over the queries.
-        epochs: Gains that were in force one after another, each for some of the queries.
-        gain_bytes: Bytes of an epoch's gains, in the host's memory; a board holds none of them.
-        bias_registers: Registers of a board that are written for biases.
-        bias_bytes: Bytes that are sent for these, a word of 4 for each.
-        weights: Weights on a board that are written again when the gains in them change; 0: gains are not in weights.
-        weight_bytes: Their bytes, signs counted, indices and padding left out.
+        lessened: Number of inputs whose gain is below 15, mean over the queries.
+        products: Products of activity and gain that the host computes, mean over the queries.
+        epochs: Number of different gains used one after another over the queries.
+        gain_bytes: Bytes of an epoch's gains in the host's memory; boards store no gains.
+        bias_registers: Registers of a board written for biases.
+        bias_bytes: Bytes sent for these, a word of 4 bytes each.
+        weights: Weights on a board that must be written again when gains change; 0: weights do not contain gains.
+        weight_bytes: Their bytes, with signs, without indices and padding.
     """
 
     lessened: float
@@ -127,19 +128,19 @@ class GainsCost:
 
 @dataclass(frozen=True)
 class QueryVariants:
-    """Queries asked in several views, adapted to those before, or under gains.
+    """Results of queries presented in several views, with adaptation, or under gains.
 
     Attributes:
         views: Views of a query.
         adapt: Time constant of adaptation in queries; None: not adapted, or under gains.
         recall: Figures of the default decoder, neither adapted nor under gains, on these views.
-        adapted: They where the network adapts, or inputs have gains; None: neither.
+        adapted: The same figures with adaptation or gains; None: neither.
         events: What the host engine counted, per query.
-        multiply_adds: Of the product of weights and mean rates that the host forms for a query's biases, at most, as
-            inputs at rest take none; 0: it has none of its own.
-        host_milliseconds: Time of a query's biases on this machine, and of its rates under gains if it has any, median;
-            None: neither.
-        boards: What a query takes on each board that the network fits, by the board's name.
+        multiply_adds: Most multiply-adds of the product of weights and mean rates that the host computes for a query's
+            biases (inputs of rate 0 need none); 0: queries have no biases of their own.
+        host_milliseconds: Median time to compute a query's biases on this machine, and its rates under gains if there
+            are any; None: neither.
+        boards: Costs of a query on each board that the network fits, by the board's name.
     """
 
     views: int
@@ -154,16 +155,16 @@ class QueryVariants:
 
 @dataclass(frozen=True)
 class Peer:
-    """Another matcher on the same images, in the same run.
+    """Recall and speed of another matcher on the same images, in the same run.
 
     Attributes:
-        name: ``lava-vpr`` itself, a baseline (``sad``, ``cosine``, ``hog``, ``template``), or that of another matcher
-            that took turns with them.
+        name: ``lava-vpr`` itself, a baseline (``sad``, ``cosine``, ``hog``, ``template``), or another matcher timed in
+            turns with them.
         what: The matcher in words, with citation.
         metrics: Recall on the same queries; None if not computed.
         queries_per_second: From preprocessed input to match, all queries in one batch, on ``threads`` threads.
         threads: Number of these threads.
-        bytes: Bytes that the matcher keeps of the references (templates or weights).
+        bytes: Bytes that the matcher stores for the references (templates or weights).
         queries: Number of queries that were timed.
         absent: Why it was not run; empty if it was.
     """
@@ -190,9 +191,9 @@ class SweepPoint:
         milliseconds: Time of a query on the chip.
         mean_steps: Steps of a query; fewer than ``steps`` with early stopping.
         board_microjoules: All energy of a query on the board, dynamic and static.
-        front: No other point is at least as good in recall, energy and time and better in one; of points without early
-            stopping, which no backend does yet, no other without it.
-        chosen: The preset ``fast``, or this model as it stands.
+        front: Whether no other point is at least as good in recall, energy and time, and better in one. Points without
+            early stopping, which no backend does yet, are compared only with each other.
+        chosen: `MODEL` or `FAST` for this model's own settings or those of preset ``fast``, else empty.
     """
 
     settings: dict[str, Any]
@@ -207,13 +208,13 @@ class SweepPoint:
 
 @dataclass(frozen=True)
 class StepTimes:
-    """When a board is busy during a presentation, by the cost model with nominal constants; mean over the queries.
+    """Modelled time of a board in each step of a presentation, with nominal constants; mean over the queries.
 
     Attributes:
-        receive: Microseconds that what arrives takes on the busiest core in each step.
-        neurons: Microseconds that neurons and their messages take on the busiest core in each step.
-        busiest: The longer of both in each step of each query.
-        program: Microseconds that the program on the chips' processors takes in each step, while the cores wait.
+        receive: Microseconds that the busiest core needs for arriving spikes in each step.
+        neurons: Microseconds that the busiest core needs for neurons and their messages in each step.
+        busiest: The longer of the two in each step of each query.
+        program: Microseconds of the embedded program in each step, during which the cores wait.
         barrier: Microseconds of the synchronisation that ends each step.
     """
 
@@ -226,10 +227,10 @@ class StepTimes:
 
 @dataclass(frozen=True, eq=False)
 class OnMap:
-    """Where queries were taken and matched.
+    """Positions of the queries and of their matches.
 
     Attributes:
-        errors: How far from their true positions queries were placed.
+        errors: Distances between the queries' true positions and those of their matches.
         matches: Place of each query, -1 for none, int64 (n,).
         correct: Which of them are right, bool (n,).
     """
@@ -240,7 +241,7 @@ class OnMap:
 
     @classmethod
     def of(cls, answers: Recognition, located: Located | None, near: float) -> OnMap | None:
-        """Where queries were matched, if it is known where they were taken; ``near`` metres count as right."""
+        """The positions of queries and matches, or None if unknown; a match within ``near`` metres is correct."""
         if located is None:
             return None
         errors = PositionErrors(located, located.errors(answers.matches), near)
@@ -249,27 +250,27 @@ class OnMap:
 
 @dataclass(frozen=True)
 class Bench:
-    """Everything that one run finds out.
+    """All results of one run.
 
     Attributes:
         model: Figures of the model: places, neurons, weight_bits, steps, preset.
-        machine: Processor, cores, what software.
+        machine: Processor, cores and software versions.
         recall: Figures of the default decoder on the same queries.
         images: Number of queries.
         measured: Backends and stages, timed here.
         targets: What a query costs on each board, by the board's name.
         workload: NeuroBench's metrics; None: the model is no integer network.
-        peers, sweep: Empty if they were not asked for, or failed.
-        events: What the host engine counted, per query; of every network, a float one too.
+        peers, sweep: Empty if not requested, or failed.
+        events: Events per query, counted by the host engine for any network, also in floating point.
         step_times: Times of each step, by the board's name, on those that have times.
         command: How to repeat the run.
-        asked: Recall and costs with views, adaptation or gains; None: not asked for, or failed.
-        gains: What gains take; None: inputs have none.
-        front_end: What a spiking front end costs, by the board's name; empty: the model has none.
-        energy: All the energy of a query by every way to answer it: boards, the host engine, cosine.
+        asked: Recall and costs with views, adaptation or gains; None: not requested, or failed.
+        gains: Cost of gains; None: inputs have none.
+        front_end: Cost of a spiking front end by the board's name; empty: the model has none.
+        energy: All the energy of a query for every way to answer it: boards, the host engine, cosine.
         pixels: Width and height of the query images; None: they are vectors.
-        failed: What was asked for and could not be done, by stage, with the reason.
-        trust: How far probabilities can be trusted, by way to answer; empty where there are none.
+        failed: Reason of each failed stage, by its name.
+        trust: Calibration figures of the probabilities, by way to answer; empty where there are none.
         on_map: Where queries were matched; None where positions are not known.
     """
 
@@ -297,18 +298,18 @@ class Bench:
 
 @dataclass(frozen=True)
 class AnsweringWay:
-    """A way to answer a query, with all the energy that it takes, in uJ.
+    """A way to answer a query, with all its energy in uJ.
 
     Attributes:
-        name: The board, or what the processor runs instead: ``host`` (this network), ``cosine``, ``hog``, ``sad``; with
-            ``, adapted`` behind where the network adapts, ``, gains`` where inputs have gains.
+        name: The board, or what the processor runs instead: ``host`` (this network), ``cosine``, ``hog``, ``sad``. The
+            suffix ``, adapted`` marks adaptation, ``, gains`` gains of inputs.
         recall: R@1 on the same queries, 0..1.
-        work_milliseconds: The processor's time after the encoding, median: beside a board input spikes drawn and counts
-            decoded, without one the whole match.
-        encoding_milliseconds: The processor's time from an image file to what is compared, median.
-        dynamic: Modelled dynamic energy on the board; None: there is no board.
-        static: Modelled static energy of the whole board while its chips work; None: there is no board.
-        io_static: That of the time for which the chips wait for host I/O besides; None: there is no board.
+        work_milliseconds: Median time of the processor after the encoding: with a board it draws input spikes and
+            decodes counts, without one it does the whole match.
+        encoding_milliseconds: Median time of the processor from an image file to the input of the matcher.
+        dynamic: Modelled dynamic energy of the board; None: no board.
+        static: Modelled static energy of the whole board while its chips work; None: no board.
+        io_static: Modelled static energy of the board while its chips wait for host I/O; None: no board.
     """
 
     name: str
@@ -331,7 +332,7 @@ class AnsweringWay:
 
     @property
     def without_encoding(self) -> Estimate:
-        """All energy but that of the encoding, which every way takes."""
+        """All energy except that of the encoding, which every way needs."""
         parts = (self.dynamic, self.static, self.io_static, self.work)
         return total(part for part in parts if part is not None)
 
@@ -341,7 +342,7 @@ class AnsweringWay:
         return self.without_encoding + self.encoding
 
     def as_json(self) -> dict[str, Any]:
-        """The figures by name, as scripts read them; the way's name is the key."""
+        """The figures by name, as scripts read them, without the way's name."""
         return {
             "recall_at_1": self.recall,
             "dynamic_microjoules": self.dynamic,
@@ -357,10 +358,10 @@ class AnsweringWay:
 
 
 def on_board(costs: Modelled, recall: float, work: float, encoding: float) -> AnsweringWay | None:
-    """The way through a board; None: there are no energies of it.
+    """The way that uses a board; None if the board's energy is unknown.
 
     Args:
-        costs: What the cost model says of a query.
+        costs: Modelled costs of a query.
         recall: R@1 of the network.
         work: The host's own work for a query besides the encoding, ms.
         encoding: Time of the encoding, ms.

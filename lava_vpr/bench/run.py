@@ -1,4 +1,4 @@
-"""Everything of `lava-vpr bench`, one stage after another; what cannot be done here is said and not raised."""
+"""All stages of `lava-vpr bench`, one after another; a stage that fails is reported in the result, not raised."""
 
 from __future__ import annotations
 
@@ -49,26 +49,24 @@ from lava_vpr.recognition import Comparison, Recognition, recognise
 from lava_vpr.traverse import Traverse
 
 SEEN = 20
-"""Queries whose every spike of a spiking front end is counted, at most."""
+"""Most queries for which all spikes of a spiking front end are counted."""
 
 COUNTED = 500
-"""Queries whose every spike is counted, at most: the counts of each step and core are kept."""
+"""Most queries for which all spikes are counted; the counts of each step and core stay in memory."""
 
 T = TypeVar("T")
 
 
 @dataclass
 class Work:
-    """What is found out from what the command gives; what several figures need is worked out once.
+    """The stages of a run, from the command's inputs; results that several figures need are computed once.
 
     Attributes:
-        queries: The queries, and the model that is asked.
+        queries: The queries, and the model that answers them.
         traverse: The query images' files.
         truth: bool (queries, places).
-        request: What to find out.
-        further: The query images in further views.
-        begin: Called with what begins.
-        failed: What was asked for and could not be done, with the reason.
+        request: The figures to compute. further: The query images in further views. begin: Progress callback at the
+        start of each stage. failed: Reason of each failed stage, by its name.
     """
 
     queries: QuerySet
@@ -81,7 +79,7 @@ class Work:
 
     @cached_property
     def answers(self) -> Recognition:
-        """The answers of the model and of cosine, and of all baselines if peers are to be run."""
+        """The answers of the model and of cosine, or of all baselines if peers are requested."""
         rivals = None if self.request.peers else ("cosine",)
         how = Comparison(rivals=rivals, keep_scores=False, calibration=self.request.calibration)
         queries = self.queries
@@ -89,13 +87,13 @@ class Work:
 
     @cached_property
     def presented(self) -> Presentations:
-        """The queries as they are asked, view after view, with the biases and gains that they get."""
+        """The presentations of the queries, view after view, with their biases and gains."""
         asker = Asker(self.queries.model, self.request.asking, self.queries.shown.seed)
         return asker.presentations((self.queries.images, *self.further))
 
     @cached_property
     def gains(self) -> GainsCost | None:
-        """What gains take; None: inputs have none."""
+        """The cost of gains; None: inputs have none."""
         asking, applied = self.request.asking, self.request.applied
         if asking.replay is not None:
             return gains_presented(asking.replay, len(self.queries), asking.views)
@@ -103,7 +101,7 @@ class Work:
 
     @cached_property
     def front_end(self) -> dict[str, FrontEndCosts]:
-        """What the spiking front end costs on each board, from at most `SEEN` queries, evenly spread.
+        """The cost of the spiking front end on each board, from at most `SEEN` queries, evenly spread.
 
         Raises:
             InputError: the queries' pixels were not kept.
@@ -119,12 +117,12 @@ class Work:
 
     @cached_property
     def plans(self) -> dict[str, Plan | str]:
-        """Where the network stands on each board, or why it cannot."""
+        """The network's plan for each board, or the reason why it does not fit."""
         return plans_of(self.queries.model, self.request.boards)
 
     @cached_property
     def trains(self) -> Trains | None:
-        """Every spike of at most `COUNTED` queries, evenly spread; None: no integer network."""
+        """All spikes of at most `COUNTED` queries, evenly spread; None: no integer network."""
         self.begin("counting", 1)
         if as_integer(self.queries.model) is None:
             return None
@@ -135,13 +133,13 @@ class Work:
 
     @cached_property
     def costs(self) -> dict[str, tuple[Modelled, StepTimes | None]]:
-        """What a query costs on each board, and when that is busy."""
+        """The costs of a query on each board, and its time in each step."""
         queries = self.queries
         return {k: costs_of(queries.model, k, plan, self.trains, len(queries)) for k, plan in self.plans.items()}
 
     @cached_property
     def timed(self) -> tuple[Measured, ...]:
-        """Every backend that is to be timed; the encoding before it, and the public path."""
+        """Timings of the encoding, of the localizer, and of each requested backend."""
         queries, request = self.queries, self.request
         self.begin("timing encoding", 1)
         rows = [measure_encoding(self.traverse, queries.model.config, standard=queries.model.standard)]
@@ -153,7 +151,7 @@ class Work:
         return tuple(rows)
 
     def tried(self, name: str, find: Callable[[Work], T], otherwise: T) -> T:
-        """What ``find`` finds; where it fails, ``otherwise``: minutes of other work are not lost."""
+        """The result of ``find``; if it fails, ``otherwise``, so that minutes of other work are not lost."""
         try:
             return find(self)
         except LavaVprError as error:
@@ -165,12 +163,12 @@ def _workload(work: Work) -> Workload | None:
     """NeuroBench's metrics of the first queries; None: no integer network."""
     if work.trains is None:
         return None
-    # Of more queries than are counted, the trains are those of others than the first.
+    # With more queries than `COUNTED`, the trains are not those of the first ones.
     return workload(work.queries, work.trains if len(work.queries) <= COUNTED else None)
 
 
 def _peers(work: Work) -> tuple[Peer, ...]:
-    """Other matchers on the same images, if they were asked for."""
+    """Other matchers on the same images, if requested."""
     if not work.request.peers:
         return ()
     work.begin("peers: speed of each", 1)
@@ -178,7 +176,7 @@ def _peers(work: Work) -> tuple[Peer, ...]:
 
 
 def _sweep(work: Work) -> tuple[SweepPoint, ...]:
-    """The search around the model's settings, if it was asked for."""
+    """The search around the model's settings, if requested."""
     if not work.request.sweep:
         return ()
     advance, queries = work.begin("sweep of settings", BUDGET), work.queries
@@ -187,7 +185,7 @@ def _sweep(work: Work) -> tuple[SweepPoint, ...]:
 
 
 def _asked(work: Work) -> QueryVariants | None:
-    """Recall and costs with views, adaptation or gains, if they were asked for."""
+    """Recall and costs with views, adaptation or gains, if requested."""
     if work.request.plain:
         return None
     work.begin("asking in views, or adapted", 1)
@@ -198,7 +196,7 @@ def _asked(work: Work) -> QueryVariants | None:
 def _energy(work: Work, variants: QueryVariants | None) -> tuple[AnsweringWay, ...]:
     """All the energy of a query on every board, by the host engine if it was timed, and by cosine.
 
-    Where ``variants`` adapt or have gains, in one view, the network's ways stand there so, too.
+    If ``variants`` have adaptation or gains in one view, each way of the network is listed a second time with them.
     """
     work.begin("timing the host's part, and cosine", 1)
     medians = {row.name: float(np.median(row.milliseconds)) for row in work.timed if row.milliseconds}
@@ -218,7 +216,7 @@ def _energy(work: Work, variants: QueryVariants | None) -> tuple[AnsweringWay, .
 
 
 def _adapted(way: AnsweringWay, how: str, variants: QueryVariants, plan: Plan | str | None) -> AnsweringWay:
-    """A ``way`` of the network, ``how`` it is asked: the host makes biases, of which a board is sent one a neuron."""
+    """A ``way`` of the network with adaptation or gains: the host computes biases and sends a board one per neuron."""
     recall = way.recall if variants.adapted is None else variants.adapted.recall_at_1
     work = way.work_milliseconds + (variants.host_milliseconds or 0.0)
     way = replace(way, name=f"{way.name}, {how}", recall=recall, work_milliseconds=work)
@@ -241,20 +239,18 @@ def recall_and_costs(
     command: str = "",
     begin: Begin = lambda text, parts: lambda done: None,
 ) -> Bench:
-    """Find out the recall of the queries, then their costs.
+    """Measure the recall of the queries, then their costs.
 
     Args:
         model: A trained model.
         traverse: The query images' files.
         images: The query images, encoded with the model's settings.
         truth: bool (queries, places).
-        request: What to find out.
-        further: The query images in the further views that it asks for (`Asking.of`).
-        command: How to repeat the run, for the report.
-        begin: Called with what begins.
+        request: The figures to compute. further: The query images in the further views of the request (`Asking.of`).
+        command: How to repeat the run, for the report. begin: Progress callback at the start of each stage.
     Raises:
-        LavaVprError: recall cannot be computed, or other queries are to be replayed. Whatever else is missing is said
-            in the result.
+        LavaVprError: recall cannot be computed, or the replay is of other queries. Other failures are reported in the
+            result.
     """
     begin("recall", 1)
     work = Work(QuerySet.of(model, images, request.seed), traverse, truth, request, further, begin)

@@ -1,4 +1,4 @@
-"""A run of `lava-vpr bench` as JSON values, and what it lacks."""
+"""The results of `lava-vpr bench` as JSON values, with a list of those missing."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ COUNTS = (
     "hops",
     "steps",
 )
-"""Events per query that the JSON always holds, null where nobody counted them."""
+"""Events per query that the JSON always has; null if not counted."""
 
 
 def percentiles(measured: Measured) -> dict[str, float] | None:
@@ -38,7 +38,7 @@ def percentiles(measured: Measured) -> dict[str, float] | None:
 
 
 def counts(bench: Bench) -> dict[str, float | None]:
-    """Events per query: of the first board that the network was mapped on, else those of the host engine."""
+    """Events per query on the first board with a plan, or else in the host engine."""
     mapped = next((costs.counts for costs in bench.targets.values() if costs.counts), bench.events)
     return {name: mapped.get(name) for name in COUNTS} | {
         name: value for name, value in mapped.items() if name not in COUNTS
@@ -46,7 +46,7 @@ def counts(bench: Bench) -> dict[str, float | None]:
 
 
 def absent(bench: Bench) -> list[dict[str, str]]:
-    """What this report lacks, and why: ``what`` and ``reason`` each."""
+    """The figures missing from this report, as ``what`` and ``reason``."""
     rows = [(f"{row.name}, measured", row.absent) for row in bench.measured]
     without: dict[str, list[str]] = {}
     for row in bench.measured:
@@ -66,7 +66,7 @@ def absent(bench: Bench) -> list[dict[str, str]]:
 
 
 def as_json(bench: Bench) -> dict[str, Any]:
-    """The whole run; NaN and what was not computed are null, no value is a path or a date."""
+    """The whole run; NaN and values not computed are null; no value is a path or a date."""
     values = {
         "model": bench.model,
         "queries": bench.images,
@@ -113,13 +113,13 @@ def _timing(backend: Measured) -> dict[str, Any]:
 
 
 def _row(row: Measured | Peer | SweepPoint, **keys: str) -> dict[str, Any]:
-    """The fields of a row, those in ``keys`` under another key; ``name`` is not among them, no text is null."""
+    """The fields of a row without ``name``, those in ``keys`` under another key; empty texts are null."""
     values = {keys.get(item.name, item.name): getattr(row, item.name) for item in fields(row) if item.name != "name"}
     return {key: None if value == "" else value for key, value in values.items()}
 
 
 def _plain(value: Any) -> Any:
-    """``value`` as JSON knows it: rows and estimates by their fields, arrays resolved, NaN and infinity null."""
+    """``value`` in JSON types: rows and estimates become objects, arrays lists, NaN and infinity null."""
     if isinstance(value, Metrics):
         return _plain(value.as_json())
     if is_dataclass(value):

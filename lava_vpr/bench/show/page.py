@@ -40,7 +40,7 @@ def _header(bench: Bench) -> str:
 
 
 def _in_short(costs: Modelled, way: AnsweringWay | None) -> str:
-    """Energy of a query with a target, whole first, and time on it, or that there are none."""
+    """Energy of a query on a target, the whole energy first, and its time there; or why they are unavailable."""
     if costs.figures is None:
         return f'unavailable <span class="note">{in_html(costs.unavailable or "")}</span>'
     figures, shown = [], [(costs.figures.milliseconds, "ms on the chip, modelled")]
@@ -63,7 +63,7 @@ def _on_map(bench: Bench) -> str:
 
 
 def _modelled(bench: Bench, tables: Iterable[Table]) -> list[str | Table]:
-    """Drawings of each board before its table, and the tables of the section that are of no single board."""
+    """The drawings of each board followed by its table, then the tables for all boards together."""
     parts: list[str | Table] = []
     shown = iter(tables)
     for k, (name, costs) in enumerate(bench.targets.items()):
@@ -106,7 +106,7 @@ def _assumptions(bench: Bench) -> str:
 
 
 def _missing(bench: Bench) -> str:
-    """What was not found out, and why."""
+    """The figures that are missing, each with its reason."""
     rows = "".join(f"<dt>{in_html(r['what'])}</dt><dd>{in_html(r['reason'])}</dd>" for r in absent(bench))
     return f'<dl class="panel missing">{rows}</dl>' if rows else '<p class="note">Nothing.</p>'
 

@@ -21,11 +21,11 @@ WIDTH = 700
 """Width of a drawing, in CSS pixels at its natural size."""
 
 FEW = 40
-"""Fewer times than this are drawn one by one, not as a histogram."""
+"""Below this number of times each is drawn as a point, not in a histogram."""
 
 
 def _logarithmic(axes: Axes) -> None:
-    """A logarithmic x axis with numbers as people write them."""
+    """A logarithmic x axis with plain numbers, not powers of ten."""
     axes.set(xscale="log")
     line = axes.xaxis
     low, high = sorted(line.get_view_interval())
@@ -134,7 +134,7 @@ def latencies(rows: Sequence[Measured], label: str) -> str:
 
 @themed()
 def pareto(rows: Sequence[SweepPoint], label: str) -> str:
-    """Recall of every setting against its energy and its time; the best are joined, what was chosen is named."""
+    """Recall of every setting against its energy and its time; a line joins the front, and chosen points have names."""
     canvas_ = canvas(WIDTH + 200, 404)
     recalls = [100 * candidate.metrics.recall_at_1 for candidate in rows]
     for k, what in enumerate(("energy on the board, µJ", "time on the chip, ms")):
@@ -169,7 +169,7 @@ _FRONTS = (
     ("best with early stopping, which no backend does yet", "c2", "--", "^"),
     ("best that every backend can run", "c0", "-", "o"),
 )
-"""What is drawn apart: text, colour, line and marker."""
+"""The fronts and points drawn separately: text, colour, line and marker."""
 
 
 def _front(axes: Axes, points: Sequence[tuple[float, float]], colour: str, style: str, marker: str) -> None:
@@ -188,7 +188,7 @@ def _front(axes: Axes, points: Sequence[tuple[float, float]], colour: str, style
 
 
 def _names(axes: Axes, points: Sequence[tuple[float, float, str]], span: tuple[float, float]) -> None:
-    """Mark points and name them above all others: nothing stands above and to the left of the front."""
+    """Mark points, and write their names above and to the left of the front, where no points are."""
     room = 0.07 * (span[1] - span[0])
     for k, (x, y, name) in enumerate(sorted(points)):
         height = span[1] + room * (k + 0.6)
@@ -204,7 +204,7 @@ def _exact(value: float | None) -> Estimate | None:
 
 @themed()
 def beside_anchors(ours: BoardFigures, label: str) -> str:
-    """Energy and time of this network, modelled, above those that others have published; two logarithmic axes."""
+    """Modelled energy and time of this network above published figures of others; two logarithmic axes."""
     rows: list[tuple[str, str, tuple[Estimate | None, Estimate | None]]] = [
         ("this network, modelled", "c0", (ours.dynamic_microjoules, ours.milliseconds))
     ]
