@@ -65,8 +65,10 @@ class Work:
         queries: The queries, and the model that answers them.
         traverse: The query images' files.
         truth: bool (queries, places).
-        request: The figures to compute. further: The query images in further views. begin: Progress callback at the
-        start of each stage. failed: Reason of each failed stage, by its name.
+        request: The figures to compute.
+        further: The query images in further views.
+        begin: Progress callback at the start of each stage.
+        failed: Reason of each failed stage, by its name.
     """
 
     queries: QuerySet
@@ -246,8 +248,10 @@ def recall_and_costs(
         traverse: The query images' files.
         images: The query images, encoded with the model's settings.
         truth: bool (queries, places).
-        request: The figures to compute. further: The query images in the further views of the request (`Asking.of`).
-        command: How to repeat the run, for the report. begin: Progress callback at the start of each stage.
+        request: The figures to compute.
+        further: The query images in the further views of the request (`Asking.of`).
+        command: How to repeat the run, for the report.
+        begin: Progress callback at the start of each stage.
     Raises:
         LavaVprError: recall cannot be computed, or the replay is of other queries. Other failures are reported in the
             result.

@@ -1,15 +1,15 @@
-"""Where and when images were taken: positions, and the frames in which their coordinates are given; stamps, in seconds;
-and what file names tell of both.
+"""Where and when images were taken: positions with their coordinate frames, stamps in seconds, and both from file
+names.
 
-A frame is named by one of these texts, which a model file keeps:
+A frame has one of these names, which model files store:
 
     xy          x and y in metres on a plane of its own
     latlon      latitude and longitude in degrees (WGS 84)
     UTM 32N     easting and northing in metres of UTM zone 32 (1 to 60), northern hemisphere (S: southern), as EPSG
                 names zones; the letter is no latitude band
 
-``xy`` is taken for whatever metres it is compared with: of eastings and northings without a zone only their owner knows
-it.
+``xy`` is compared with any other metres as if their frames were equal: only their owner knows the zone of eastings and
+northings that come without one.
 
 Stamps of one source are all absolute, seconds since 1970 (Unix time), or all relative, seconds since some start of
 their own. From 10^9 on (September 2001) they are absolute.
@@ -42,7 +42,7 @@ from lava_vpr.errors import InputError, brief
 XY, LAT_LON = "xy", "latlon"
 EARTH_RADIUS_M = 6_371_008.8  # mean radius, IUGG
 MOST_METRES = 2**53
-"""No coordinate in metres is larger: from there on they are farther than a metre apart in float64."""
+"""Largest coordinate in metres; beyond it, neighbouring float64 values are more than a metre apart."""
 _UTM = re.compile(r"UTM ([1-9]|[1-5]\d|60)([NS])")
 
 
@@ -78,7 +78,7 @@ class Positions:
         values: Coordinates, float64 (images, 2): a copy of what is given, which may be any rows of two numbers.
         frame: The frame that they are in.
     Raises:
-        InputError: they are none, one is out of range, or there is no such frame.
+        InputError: there are no positions, one is out of range, or the frame is unknown.
     """
 
     values: NDArray[np.float64]
@@ -116,7 +116,8 @@ class Positions:
         """The same positions in another frame.
 
         Raises:
-            InputError: one frame is a plane of its own and the other is in degrees, or a position is no UTM zone's.
+            InputError: one frame is a plane of its own and the other is in degrees, or a position is outside all UTM
+                zones.
         """
         if frame == self.frame:
             return self
@@ -156,7 +157,7 @@ class Positions:
 
 
 def placed(given: Positions | ArrayLike | None, frame: str) -> Positions | None:
-    """Positions as given, and an array of coordinates (images, 2) as positions in ``frame``; None stays None.
+    """``given`` as positions: an array of coordinates (images, 2) is taken to be in ``frame``; None stays None.
 
     Raises:
         InputError: as `Positions`.
@@ -211,16 +212,16 @@ def _in_zone(degrees: NDArray[np.float64], frame: str) -> NDArray[np.float64]:
 
 
 EXIF = "exif"
-"""In place of a file with positions: each photo says where and when it was taken."""
+"""Value of a positions option instead of a file: the EXIF of each photo gives its position and time."""
 
 
 def in_photos(positions: object) -> bool:
-    """Whether what a user gives as ``positions`` says that photos tell them themselves."""
+    """Whether ``positions`` is `EXIF`, the value that stands for the photos' own positions."""
     return str(positions) == EXIF
 
 
 ABSOLUTE = 1e9
-"""Stamps from here on are seconds since 1970."""
+"""Smallest stamp that counts as seconds since 1970."""
 _MOST = 1e11
 """Seconds since 1970 are below this until the year 5138; larger numbers are in a smaller unit."""
 _DATE = re.compile(
@@ -229,7 +230,7 @@ _DATE = re.compile(
 
 
 def is_absolute(stamps: NDArray[np.float64]) -> bool:
-    """Whether stamps (n,), of which there is one at least, are seconds since 1970."""
+    """Whether stamps (n,), at least one, are seconds since 1970."""
     return bool(stamps[0] >= ABSOLUTE)
 
 
@@ -327,9 +328,9 @@ def positions_of_names(names: Sequence[str], source: str) -> Positions | None:
 
 
 def stamps_of_names(names: Sequence[str]) -> NDArray[np.float64] | None:
-    """The times that file names tell, seconds since 1970, float64 (n,); None if one tells none.
+    """The times in file names, seconds since 1970, float64 (n,); None if a name has none.
 
-    In a name that begins with @ it is the field of the time. Any other, without its suffix, is a date and time
+    In a name that begins with @ this is the field of the time. Any other name, without its suffix, is a date and time
     (`lava_vpr.positions.frames.stamp_of`), or milli-, micro-, nano- or whole seconds since 1970: small numbers count
     images, they are no times.
     """

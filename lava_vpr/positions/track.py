@@ -1,5 +1,5 @@
-"""From files to where each image of a traverse was taken: positions and stamps in CSV tables, and in GPX files, as
-receivers of satellite navigation write them, by the package gpxpy; images placed on a track.
+"""Positions of a traverse's images from files: CSV tables of positions and stamps, GPX files of satellite receivers
+(read by the package gpxpy), and interpolation of images on a track.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Track(NamedTuple):
 
     Attributes:
         positions: The positions, n of them.
-        stamps: When each was taken, in seconds that do not decrease, float64 (n,); None if nobody says.
+        stamps: Times in seconds, never decreasing, float64 (n,); None if unknown.
         path: The file that they are from, for messages.
     """
 
@@ -106,7 +106,7 @@ def _taken(
     plain: tuple[str, ...],
     is_plain: Callable[[list[str]], bool],
 ) -> tuple[list[tuple[int, list[str]]], tuple[str, ...], list[int]]:
-    """The rows of a CSV table below its header, the names of the columns that are taken, and their numbers.
+    """The rows of a CSV table below its header, and the names and numbers of the columns in use.
 
     Args:
         path: The table.
@@ -135,7 +135,7 @@ def _taken(
 
 
 def _times(path: Path, rows: list[tuple[int, list[str]]], column: int) -> NDArray[np.float64]:
-    """A column of times, none before the one above."""
+    """A column of times, each not before the previous one."""
     stamps = np.array([stamp_of(cells[column]) for _, cells in rows], np.float64)
     bad = np.flatnonzero(~np.isfinite(stamps))
     if len(bad):
@@ -195,7 +195,7 @@ def read_gpx(path: Path) -> Track:
             before the one above; the message counts points from 1.
     """
     text = file_text(path)
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:  # all that an XML reader can be lured by
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:  # the constructs by which XML attacks its readers
         raise InputError(f"{shown(path)}: is no GPX (it declares a document type); export the track again")
     if text.count("xmlns") > _MOST_NAMESPACES:
         raise InputError(
@@ -222,11 +222,11 @@ def read_gpx(path: Path) -> Track:
 
 
 def _check_depth(text: str) -> None:
-    """Refuse XML that is nested too deeply: gpxpy copies elements by a recursion in C, which ends the process.
+    """Refuse XML that is nested too deeply: gpxpy copies elements by a recursion in C, which would crash the process.
 
     Raises:
-        ValueError: it is.
-        expat.ExpatError: it is no XML.
+        ValueError: the XML is nested too deeply.
+        expat.ExpatError: the text is not XML.
     """
     depth = 0
 
@@ -246,7 +246,7 @@ def _check_depth(text: str) -> None:
 
 
 def _point_times(path: Path, points: list[Point]) -> NDArray[np.float64] | None:
-    """When the points were taken, seconds since 1970, float64 (n,); None if none says."""
+    """Times of the points, seconds since 1970, float64 (n,); None if no point has one."""
     times = [point.time for point in points]
     stamps = np.array([np.nan if time is None else _utc(time).timestamp() for time in times], np.float64)
     known = np.isfinite(stamps)
@@ -288,17 +288,17 @@ def gpx_text(positions: Positions, stamps: NDArray[np.float64]) -> str:
 
 
 MOST_GAP_S = 10.0
-"""Seconds between two positions, at most, between which images are placed on a straight line."""
+"""Longest time in seconds between two positions between which images are interpolated on a straight line."""
 
 
 @dataclass(frozen=True)
 class PositionRequest:
-    """Images whose positions are asked for.
+    """Images whose positions are wanted.
 
     Attributes:
         indices: The absolute index of each in its whole sequence, int64 (n,).
         whole: Images in the whole sequence.
-        stamps: When each was taken, in seconds, float64 (n,); None if nobody says.
+        stamps: Times in seconds, float64 (n,); None if unknown.
     """
 
     indices: NDArray[np.int64]
@@ -318,7 +318,7 @@ def read_track(path: Path) -> Track:
 def images_on(
     track: Track, asked: PositionRequest, gap: float = MOST_GAP_S
 ) -> tuple[Positions, NDArray[np.float64] | None]:
-    """Where images were taken, and when, as far as that is known.
+    """Positions of images, and their times if known.
 
     If both track and images have times, both since 1970 or both since a start of their own, each image is placed on the
     straight line between the points before and after it. Otherwise row k of the track is the image with absolute index
@@ -347,7 +347,7 @@ def images_on(
 
 
 def rows_of(track: Track, indices: NDArray[np.int64]) -> Positions:
-    """The positions of images where row k of a track is the image with absolute index k, whatever its times say.
+    """The positions of images by number: row k of the track is the image with absolute index k, whatever its times are.
 
     Raises:
         InputError: an image has no row.
@@ -359,7 +359,7 @@ def rows_of(track: Track, indices: NDArray[np.int64]) -> Positions:
 
 
 def _untimed(stamps: NDArray[np.float64] | None) -> str:
-    """Why images are not placed by their times."""
+    """The reason why images cannot be placed by their times."""
     if stamps is None:
         return "of which nobody says when they were taken"
     kind = "since 1970" if is_absolute(stamps) else "since their own start"

@@ -1,4 +1,4 @@
-"""How a model is learned: the loop over stretches, what learns one, and where an interrupted training stands."""
+"""Training of a model: the loop over stretches, the trainers of one stretch, and checkpoints."""
 
 from lava_vpr.training.loop import train
 

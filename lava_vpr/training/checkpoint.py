@@ -1,4 +1,4 @@
-"""Where a training stands, on disk, so that it can go on after a kill."""
+"""Checkpoints: the state of a training on disk, from which it can resume after it was killed."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _nothing_to_resume(path: Path) -> ModelFileError:
 
 
 def remove_checkpoint(path: Path) -> None:
-    """Remove the checkpoint of a training that is done, and what writes that were killed left beside it."""
+    """Remove the checkpoint of a finished training, and temporary files left by writes that were killed."""
     for file in (path, *leftovers(path)):
         file.unlink(missing_ok=True)
 
@@ -95,10 +95,10 @@ def _by_stretch(arrays: dict[str, NDArray[Any]], done: dict[int, int]) -> dict[i
 
 @dataclass
 class Checkpoint:
-    """Where training stands, on disk: each stretch's state after its last whole epoch.
+    """The state of a training on disk: that of each stretch after its last complete epoch.
 
-    ``interval`` is the least time in seconds between two writes; the result does not depend on it. A write that takes
-    long, as of many stretches, is followed by a longer pause, so that writes take a tenth of the time; 0: every state.
+    ``interval`` is the shortest time in seconds between two writes (0: write every state); the result does not depend
+    on it. Slow writes are followed by longer pauses, so that writing takes at most a tenth of the time.
     """
 
     path: Path | None
@@ -111,7 +111,7 @@ class Checkpoint:
     _took: float = 0.0
 
     def load(self, trainers: Sequence[StretchTrainer], epochs: int, traverses: int) -> None:
-        """Take up the state on disk: the epochs done, and what each of them left in the trainer of its stretch.
+        """Load the state on disk: the epochs done, and the state of each stretch's trainer.
 
         Args:
             trainers: The trainers of all stretches, new ones.
@@ -153,7 +153,7 @@ class Checkpoint:
                 self._write()
 
     def flush(self) -> None:
-        """Write the state that is known, if there is any (called when training is interrupted)."""
+        """Write the latest state, if there is any (called when training is interrupted)."""
         with self._lock:
             if self.path is not None and self.epochs:
                 self._write()

@@ -1,8 +1,8 @@
 """The training loop: a route cut into stretches, which learn in parallel, with checkpoints; joined to a whole model.
 
-What a stretch learns depends on its own images, the settings and the seed alone. All that depends on the others, what
-neurons share, the scale, biases, thresholds and responses, is derived from that (`joined`), in the same way after every
-training, extension, removal and merger.
+What a stretch learns depends only on its own images, the settings and the seed. Everything that depends on other
+stretches (what neurons share, the scale, biases, thresholds, responses) is derived afterwards (`joined`), in the same
+way after every training, extension, removal and merger.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def split(places: int, config: Config, parts: Sequence[int] = ()) -> tuple[Stret
     Args:
         places: Number of places.
         config: Settings.
-        parts: Numbers of places in a row, each part of the route cut by itself; none: the whole route is one.
+        parts: Numbers of consecutive places; each such part is cut separately. Empty: the whole route is one part.
     Raises:
         ConfigError: the parts are not the route.
     """
@@ -69,7 +69,7 @@ def split(places: int, config: Config, parts: Sequence[int] = ()) -> tuple[Stret
 
 
 def check_size(places: int, config: Config, traverses: int = 1, parts: Sequence[int] = ()) -> tuple[Stretch, ...]:
-    """The stretches of a route of ``places``, shown in so many traverses, or a refusal before anything is learned.
+    """Cut a route of ``places``, shown in ``traverses``, into stretches, and check size and cost before training.
 
     ``parts`` are those of `split`.
 
@@ -86,7 +86,7 @@ def check_size(places: int, config: Config, traverses: int = 1, parts: Sequence[
 
 
 def check_whole(config: Config, places: int, traverses: int, neurons: int) -> None:
-    """Refuse a model of so many places and neurons, before it is made.
+    """Refuse a model of too many places and neurons before it is made.
 
     Raises:
         ConfigError: presentations too short for so many neurons; a model or query that would cost more than the limits
@@ -100,7 +100,7 @@ def check_whole(config: Config, places: int, traverses: int, neurons: int) -> No
 
 
 def check_network(places: int, config: Config, parts: Sequence[int] = ()) -> tuple[Stretch, ...]:
-    """The stretches of a route of ``places``, or a refusal of what no arithmetic holds; what it costs is not asked.
+    """Cut a route of ``places`` into stretches, and check that their numbers fit the arithmetic; cost is not checked.
 
     ``parts`` are those of `split`.
 
@@ -149,14 +149,14 @@ def train(
             (`lava_vpr.encoding.encode_views`).
         config: Settings; equal settings and images give the bit-identical model whatever ``pool``.
         route_images: Images in the whole first traverse (default: up to the last place).
-        positions: Where the first traverse's images were taken, one for each place; None if that is unknown.
-        standard: What vectors were measured by when they were encoded; None of images.
+        positions: Positions of the first traverse's images, one for each place; None if unknown.
+        standard: Standard by which vectors were encoded; None for images.
         parts: Numbers of places in a row, each part of the route cut into stretches by itself; none: the whole route is
             one part. Training parts together gives the model that training each and `lava_vpr.maps.merge` gives.
-        pool: Who learns the stretches, a thread one at a time, and measures responses.
+        pool: Threads or cluster that learn the stretches, one per thread, and measure responses.
         checkpoint: Where to keep checkpoints; None keeps none.
         interval: Least seconds between two checkpoints.
-        resume: Go on from ``checkpoint``.
+        resume: Whether to continue from ``checkpoint``.
         progress: Called after every presentation, from any thread; on a cluster, with the state of the tasks.
         resumed: Function called with the epochs done per stretch when training resumes.
     Raises:
@@ -183,7 +183,7 @@ def train(
             return model_of(network, np.zeros((0, 0), np.float32), responses, config, stretches, route)
         return joined(learned_weights(trainers, config), config, stretches, route, pool)
     except (ConfigError, NetworkLimitError):
-        # Only other settings help, and those cannot go on from here.
+        # Only other settings help, and those cannot resume from this checkpoint.
         if checkpoint is not None:
             checkpoint.unlink(missing_ok=True)
         raise
@@ -192,7 +192,7 @@ def train(
 def learned_weights(trainers: Sequence[StretchTrainer], config: Config) -> NDArray[np.float32]:
     """What the stretches of an integer network learned, float32 (inputs, neurons).
 
-    Each neuron's mean is normalised, but for weights that gradients gave a sign.
+    Each neuron's mean is normalised, except where gradients have made weights signed.
     """
     parts = [trainer.state()["weights"].astype(np.float32) for trainer in trainers]
     learning = integer_config(config, "learned_weights").learning
@@ -206,13 +206,13 @@ T = TypeVar("T", bound=np.generic)
 
 @dataclass(frozen=True)
 class LearnedRoute:
-    """The places of a model, and what is kept of their images.
+    """The places of a model, and the data of their images that it stores.
 
     Attributes:
         references: Traverses of the same places, each in all views, view after view.
         images: Images in the whole first traverse.
         positions: Where the first traverse's images were taken; None if that is unknown.
-        standard: What vectors are measured by; None of images.
+        standard: Standard by which vectors are encoded; None for images.
     """
 
     references: Sequence[EncodedTraverse]
@@ -224,8 +224,8 @@ class LearnedRoute:
         """Refuse references that a model of these settings could not keep, before hours of work.
 
         Raises:
-            InputError: they were encoded without patches, vectors or thumbnails, or without what vectors are measured
-                by, or there is not one position for each place.
+            InputError: they were encoded without patches, vectors or thumbnails, or without a standard for vectors, or
+                places and positions are not equally many.
         """
         row = INPUTS[encoder.kind]
         for reference in self.references:
@@ -274,7 +274,7 @@ def joined(
     route: LearnedRoute,
     pool: Pool,
 ) -> Model:
-    """The model of what its stretches learned: quantised as a whole, its responses measured.
+    """The model made from what its stretches learned: quantised as a whole, with measured responses.
 
     Args:
         learned: Float weights of all stretches' neurons, float32 (inputs, neurons).

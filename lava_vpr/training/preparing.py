@@ -1,10 +1,10 @@
-"""What references become before anything is learned of them: checked, places chosen, settings and standards fitted.
+"""Preparation of references for training: checks, choice of places, settings, and standards of vectors.
 
 Not every image becomes a place. A robot that waits at a red light sees one place many times. By distance, an image
 becomes a place once the robot has moved far enough from the place before; by change, once its input differs enough.
 Only the first traverse is thinned: of every other, the images that show the same places are taken.
 
-What vectors are measured by, a `Standard`, is chosen and fitted on the references.
+The standard by which vectors are encoded (`Standard`) is fitted on the references.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def choose_places(
     Args:
         traverses: Of one route.
         encoder: Settings, for the change of the input.
-        standard: What vectors are measured by, for the same.
+        standard: Standard by which vectors are encoded, for the same.
         spacing: Least metres between two places.
         change: Least change of the input between two places (`changed`); all images of the first traverse are read.
         progress: Called with 1 after every image that is read.
@@ -122,15 +122,15 @@ def _showing(places: Traverse, images: int, kept: NDArray[np.int64] | None, othe
 
 
 _FLAT = 1e-3
-"""A value that varies less than this share of what all vary has that share for its own scale."""
+"""Smallest scale of a value, as a share of the scale of all values together."""
 
 
 def settings_for(config: Config, traverses: Sequence[Traverse]) -> Config:
-    """``config`` for what the references are: settings for images become those for vectors where these are given.
+    """``config`` for the kind of references: if they are vectors, settings for images become settings for vectors.
 
-    Settings for images become the input ``vector``. Of these, what is as the preset has it becomes what was chosen for
-    vectors: all inputs may spike in a query, since the dead zone keeps the weak ones silent already; and learning shows
-    each vector for twice the steps, since as many spikes are shared by more inputs.
+    The input becomes ``vector``, and settings still at the preset's values get those chosen for vectors: all inputs may
+    spike in a query, since the dead zone already keeps weak ones silent; and learning shows each vector for twice the
+    steps, since more inputs share the same number of spikes.
 
     Args:
         config: Settings.
@@ -177,10 +177,10 @@ def _of_vectors(config: Config) -> Config:
 
 
 def check_asked(traverses: Sequence[Traverse], config: Config) -> None:
-    """Refuse references that the kind of input which a user named cannot see.
+    """Refuse references of the wrong kind for the input that the user chose.
 
     Raises:
-        InputError: they are vectors, and it sees images, or the other way round.
+        InputError: they are vectors and the input is for images, or vice versa.
     """
     encoder = config.encoder
     for traverse in traverses:
@@ -189,7 +189,7 @@ def check_asked(traverses: Sequence[Traverse], config: Config) -> None:
 
 
 def fitted(config: Config, traverses: Sequence[Traverse]) -> Standard | None:
-    """What the vectors of ``traverses`` are measured by; None if the settings are for inputs that need none.
+    """Fit the standard of the vectors of ``traverses``; None if the settings' input needs none.
 
     The mean of each value is that of all references. Their spread is one scale for all values, or each its own. The
     signs and choices of a projection are drawn from the seed alone.
@@ -212,10 +212,10 @@ def fitted(config: Config, traverses: Sequence[Traverse]) -> Standard | None:
 
 
 def standard_like(other: Standard | None, config: Config) -> Standard:
-    """``other``, which another model has, seen to be one for vectors of these settings.
+    """Check that ``other``, the standard of another model, suits vectors of these settings, and return it.
 
     Raises:
-        ConfigError: it is not.
+        ConfigError: it does not.
     """
     encoder = config.encoder
     if other is None:
@@ -231,7 +231,7 @@ def standard_like(other: Standard | None, config: Config) -> Standard:
 
 
 def in_words(config: Config, standard: Standard) -> str:
-    """What is said of vectors that are learned."""
+    """Description of the learned vectors, for people."""
     encoder = config.encoder
     seen = min(encoder.vector_values, encoder.vector_kept)
     projected = f", projected on {seen:,} (encoder.vector_kept)" if standard.projects else ""
@@ -254,7 +254,8 @@ def _moments(traverses: Sequence[Traverse], values: int) -> tuple[NDArray[np.flo
 
 
 def _projection(encoder: EncoderConfig, seed: int) -> tuple[NDArray[np.int8], NDArray[np.int32]]:
-    """Signs and kept numbers of the projection of vectors, both empty where they are not longer than is kept."""
+    """Signs and kept value numbers of the projection of vectors; both empty where vectors are short enough without
+    it."""
     if encoder.vector_values <= encoder.vector_kept:
         return np.zeros(0, np.int8), np.zeros(0, np.int32)
     width = width_for(encoder.vector_values)
@@ -292,12 +293,12 @@ def check_references(sizes: Sequence[int], sources: Sequence[str] | None = None,
 def check_encoded_references(
     references: Sequence[EncodedTraverse], config: Config, route_images: int | None, least: int = 2
 ) -> int:
-    """Refuse references of which no model could be made that can be read again.
+    """Refuse references from which no valid model file could be made.
 
     Args:
         references: The traverses, each in all views.
         config: Settings that they were encoded with.
-        route_images: Images in the whole first traverse; None: nobody says.
+        route_images: Images in the whole first traverse; None: unknown.
         least: As in `check_references`.
     Returns:
         Images in the whole first traverse, as far as is known.
@@ -332,7 +333,7 @@ def check_encoded_references(
 
 
 def check_responses(references: Sequence[EncodedTraverse], sources: Sequence[str] = ()) -> None:
-    """Refuse references to which nothing responds; ``sources`` are those that they were read from.
+    """Refuse references to which no input or neuron responds; ``sources`` are the files they were read from.
 
     Raises:
         InputError: naming them.

@@ -1,10 +1,10 @@
-"""What one stretch learns, epoch by epoch; and all of them, on threads here or by a cluster's workers.
+"""Training of stretches, epoch by epoch, on threads of this process or by a cluster's workers.
 
-A stretch sees its own images and nothing of the others, so what it learns is a function of those, of the settings and
-of the seed, wherever it learns. Here all trainers stand in this process, and what each has after an epoch is kept. A
-worker gets a stretch with its images, learns it whole, and sends back what its trainer holds.
+A stretch sees only its own images, so what it learns depends only on those, the settings and the seed. On threads, all
+trainers live in this process, and the state of each is kept after every epoch. A cluster's worker gets a stretch with
+its images, learns all epochs, and sends back its trainer's state.
 
-`Monitor` follows a training; `learning_bar` shows how far it has come, over all its presentations.
+`Monitor` reports on a training; `learning_bar` shows its progress over all presentations.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from lava_vpr.training.trainers import StretchTrainer, restore, rule_of
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of one stretch; ``neurons_used`` and ``places_covered`` speak of its last whole epoch."""
+    """Progress of one stretch; ``neurons_used`` and ``places_covered`` are those of its last complete epoch."""
 
     stretch: int
     epoch: int
@@ -54,7 +54,7 @@ class Lesson(NamedTuple):
         stretch: The stretch.
         activity: Input responses to its images in its view, float32 (traverses, places, inputs).
         epochs: Whole epochs that it has learned before.
-        state: What its trainer held after those (`StretchTrainer.state`); empty before the first.
+        state: State of its trainer after those (`StretchTrainer.state`); empty before the first.
     """
 
     stretch: Stretch
@@ -110,14 +110,14 @@ def learn(
     store: Checkpoint | None = None,
     progress: Shown | None = None,
 ) -> None:
-    """Let the trainers of all ``stretches`` learn; each sees the images of its own stretch and nothing of the others.
+    """Train all ``stretches``; each trainer sees only the images of its own stretch.
 
-    An interrupt or error stops all and saves what is known.
+    An interrupt or error stops all and saves the state so far.
 
     Args:
         trainers, stretches: The trainer of each stretch, which is changed.
         references, config, pool, progress: As in `lava_vpr.training.loop.train`.
-        store: Where training stands; None: at its start, and no checkpoint is kept.
+        store: Checkpoint with the state so far; None: start from the beginning, and write no checkpoint.
     """
     known = Checkpoint(None, "") if store is None else store
     epochs, views, stop = config.learning.epochs, len(config.views.views), threading.Event()
@@ -146,14 +146,14 @@ def learn(
                 trainer = trainers[left[at]]
                 restore(trainer, state, epochs, len(references) // views)
                 known.update(left[at], epochs, trainer.state())
-        known.flush()  # what comes next needs the cluster, too, and may lose it
+        known.flush()  # the next stage uses the cluster, too, and may lose it
     except BaseException:
         known.flush()
         raise
 
 
 def learned(config: Config, lesson: Lesson) -> dict[str, NDArray[Any]]:
-    """What the trainer of a stretch holds when it has learned all epochs; a task of a cluster.
+    """The state of a stretch's trainer after all epochs; a task of a cluster.
 
     Args:
         config: Settings.
@@ -169,7 +169,7 @@ def learned(config: Config, lesson: Lesson) -> dict[str, NDArray[Any]]:
 
 
 def traverses_shown(config: Config, epoch: int, traverses: int) -> int:
-    """The number of ``traverses`` that an epoch shows: while neurons compete for places, the first alone."""
+    """Number of the ``traverses`` that an epoch shows: while neurons compete for places, only the first."""
     settings = as_integer_config(config)
     competing = settings is not None and epoch < settings.learning.competing
     return 1 if competing else traverses
@@ -226,7 +226,7 @@ def _epoch(
 
 
 def _progress(number: int, epoch: int, shown: int, counts: NDArray[np.int64], whole: bool) -> Progress:
-    """Figures of one stretch; those that cost time only at the end of an epoch (else -1)."""
+    """Figures of one stretch; those that take time to compute only at the end of an epoch (else -1)."""
     if not whole:
         return Progress(number, epoch, shown, -1.0, -1, -1)
     used, covered = coverage(counts.T)
@@ -234,7 +234,7 @@ def _progress(number: int, epoch: int, shown: int, counts: NDArray[np.int64], wh
 
 
 Advance = Callable[[int, str], None]
-"""Moves a bar: by so many, with a note beside it."""
+"""Function that advances a progress bar by a number, with a note beside it."""
 
 
 def _unseen(by: int, note: str) -> None:
@@ -242,8 +242,8 @@ def _unseen(by: int, note: str) -> None:
 
 
 def epochs_done(done: dict[int, int], epochs: int, stretches: int) -> str:
-    """Of so many ``stretches``, how many have all their ``epochs``, and ``done``, the epochs of each that has begun, of
-    a few of the others; in a line."""
+    """One line on the progress of training: how many of ``stretches`` have finished all ``epochs``, and the epochs of a
+    few others, from ``done``."""
     begun = [f"stretch {k + 1}: {epoch} of {epochs}" for k, epoch in sorted(done.items()) if epoch < epochs]
     named = ", ".join(begun[:3]) + (f" and {len(begun) - 3} more" if len(begun) > 3 else "")
     finished = f"stretches finished: {len(done) - len(begun)} of {stretches}"
@@ -254,7 +254,7 @@ def epochs_done(done: dict[int, int], epochs: int, stretches: int) -> str:
 
 @dataclass(frozen=True)
 class Monitor:
-    """What follows a training; each part shows nothing unless it is given.
+    """Callbacks that report on a training; by default each shows nothing.
 
     Attributes:
         line: Takes a line of text: a note on what is learned.
@@ -299,7 +299,7 @@ def learning_bar(
         monitor: Makes the bar.
         stretches, config, traverses: What learns, with which settings, from how many traverses.
         here: Whether it learns in this process; a cluster has a bar of its own.
-        checkpoint: Where a resumed training goes on from.
+        checkpoint: Checkpoint from which training resumes.
     """
     epochs, views = config.learning.epochs, len(config.views.views)
     places = sum(stretch.places for stretch in stretches) // views

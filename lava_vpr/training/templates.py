@@ -1,4 +1,4 @@
-"""The network that learned nothing: what learning is held against, made from the references that a model keeps."""
+"""The network without learning, the baseline ``template``, made from the references that a model stores."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What learns one stretch of a route: in float, in Loihi's integers, or as the conductance model does.
+"""Trainers of one stretch of a route: in floating point, in Loihi's integers, or by the conductance model.
 
-`LEARNING` has a row for each way; loop, checkpoints, commands and their help ask the row.
+`LEARNING` has a row for each; loop, checkpoints, commands and their help use the row.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from lava_vpr.storage.arrays import ArrayRule, UnfitError, check_arrays
 
 
 class StretchTrainer(Protocol):
-    """What learns one stretch: shown an image, it learns and tells its spike counts. Its state is named live arrays.
+    """A trainer of one stretch: it learns from each image that it is shown, and returns its spike counts.
 
-    `reach` says between which least and most value learning can have brought the values of each array, after so many
-    epochs of so many traverses; an array that it leaves out is never changed. `thresholds` are None where nothing is
-    recruited.
+    `state` has named arrays, not copied. `reach` gives the smallest and largest value that learning can give each array
+    after a number of epochs and traverses; arrays that it leaves out never change. `thresholds` is None where nothing
+    is recruited.
     """
 
     def begin_epoch(self, epoch: int) -> None:
-        """Make ready for ``epoch``, from 0; to be called before its first image."""
+        """Prepare for ``epoch``, from 0; call it before the epoch's first image."""
         return None
 
     def present(self, rates: NDArray[Any], key: int, place: int, epoch: int) -> NDArray[np.int32]: ...
@@ -71,7 +71,7 @@ def restore(trainer: StretchTrainer, arrays: dict[str, NDArray[Any]], epochs: in
 
 
 ROUNDING = 1.001
-"""Room for what sums in float32 round up."""
+"""Tolerance for float32 sums that round up."""
 
 
 class StdpTrainer(StretchTrainer):
@@ -112,7 +112,7 @@ class StdpTrainer(StretchTrainer):
 
 
 class TemplateTrainer(StretchTrainer):
-    """What learning is held against: the neuron of a place has the rates of the place's references as its weights."""
+    """The baseline for learning: a place's neuron has the mean rates of the place's references as its weights."""
 
     def __init__(self, config: Config, stretch: Stretch) -> None:
         self._weights = np.zeros((config.encoder.inputs, stretch.neurons), np.float32)

@@ -72,8 +72,8 @@ def recruit(
     Args:
         thresholds: Thresholds of the learning network.
         counts: Spikes in the last epoch, (places, neurons).
-        again: Number of presentations of each place. show: Function of a place and the number of its repetition;
-        returns the spikes, (neurons,), or None if stopped.
+        again: Number of presentations of each place.
+        show: Function of a place and the number of its repetition; returns the spikes, (neurons,), or None if stopped.
     """
     places, free = unpaired(counts) if again else ([], [])
     theta, before = thresholds.theta, thresholds.theta.copy()
