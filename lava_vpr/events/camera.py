@@ -1,5 +1,5 @@
-"""An event camera: which events its pixels send when the light on them changes; and events written: HDF5 in the
-layout of DSEC, and ``.npz`` with a structured array of tonic's fields.
+"""Simulation of an event camera, and writing of events: HDF5 in the layout of DSEC, and ``.npz`` with a structured
+array of tonic's fields.
 
 A pixel remembers the logarithm of the light at its last event, and sends an event each time that the light has moved
 away from it by its threshold. Between two pictures the logarithm is taken to change in a straight line. Thresholds
@@ -32,8 +32,8 @@ class Sensor:
     Attributes:
         threshold: Change of the logarithm of light that makes an event, on average.
         mismatch: Standard deviation of the pixels' thresholds, as a share of ``threshold``.
-        refractory_us: Microseconds for which a pixel rests after an event; what happens then is lost.
-        noise_hz: Events a second that a pixel sends for no reason.
+        refractory_us: Refractory period of a pixel in microseconds, in which changes are lost.
+        noise_hz: Noise events of a pixel per second.
         hot: Share of the pixels that are hot, and send ``hot_hz`` events a second.
         hot_hz: See ``hot``.
     """
@@ -78,7 +78,7 @@ class EventCamera:
         """The events until the next picture.
 
         Args:
-            light: It, float32 (h, w).
+            light: The next picture, float32 (h, w).
             begin_us, end_us: When the last picture was seen, and when this one is.
         """
         now = _seen(light)
@@ -92,7 +92,7 @@ class EventCamera:
         level = np.arange(len(pixel)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
         threshold = self._threshold[rows, columns]
         sign = np.where(up, 1.0, -1.0)
-        # Where the line from the picture before to this one meets the level of each event.
+        # Times at which the line from the previous picture to this one crosses the level of each event.
         start = (self._before[rows, columns] - (self._at_event[rows, columns] - sign * counts * threshold)) * sign
         slope = (now[rows, columns] - self._before[rows, columns]) * sign
         share = (level * threshold[pixel] - start[pixel]) / np.maximum(slope[pixel], 1e-12)
@@ -108,7 +108,7 @@ class EventCamera:
         return self._awake(sent, np.lexsort((sent.x, sent.y, sent.t)))
 
     def _noise(self, begin_us: int, end_us: int) -> Sent:
-        """Events for no reason."""
+        """Noise events."""
         number = self._rng.poisson(self._rates * ((end_us - begin_us) / 1e6))
         rows, columns = np.nonzero(number)
         counts = number[rows, columns]
@@ -118,7 +118,7 @@ class EventCamera:
         return Sent(t.astype(np.int64), x, y, self._rng.random(total) < 0.5)
 
     def _awake(self, sent: Sent, order: NDArray[np.int64]) -> Sent:
-        """The events that do not come while their pixel rests."""
+        """The events that do not fall into the refractory period of their pixel."""
         t, x, y, p = sent.t[order], sent.x[order], sent.y[order], sent.p[order]
         keep = np.empty(len(t), np.bool_)
         rest(t, x, y, self._sensor.refractory_us, self._last, keep)

@@ -50,12 +50,12 @@ EVENT_SUFFIXES = tuple(suffix for one in FORMATS for suffix in one.suffixes)
 
 
 def is_events(path: Path) -> bool:
-    """Whether the file ``path`` holds events, as far as a look into it tells."""
+    """Whether the file ``path`` looks like a file of events."""
     return any(path.suffix.lower() in one.suffixes and one.holds(path) for one in FORMATS)
 
 
 def is_recording(source: str | Path) -> bool:
-    """Whether ``source``, whatever it is, names a file of events."""
+    """Whether ``source``, a name of any kind, is that of a file of events."""
     path = Path(source)
     return path.suffix.lower() in EVENT_SUFFIXES and "\0" not in str(path) and path.is_file() and is_events(path)
 
@@ -90,7 +90,7 @@ def windows_of(path: Path, config: EventsConfig, every: float) -> Callable[[], I
         for name, values in (("column", events.x), ("row", events.y)):
             last[name] = zeros_at_end(values, last[name])
     for name, zeros in last.items():
-        if zeros > 1:  # one is nothing strange
+        if zeros > 1:  # a single one is normal
             _NOTES.warning(
                 f"{shown(path)}: the last {zeros:,} events have the {name} 0; if they should not, copy it again"
             )
@@ -126,7 +126,7 @@ def _walk(recording: EventRecording, config: EventsConfig, every: float, seen: N
 
 
 def _size(recording: EventRecording) -> tuple[int, int]:
-    """The least sensor that has all pixels of a recording whose file does not tell it."""
+    """The smallest sensor size that has all pixels of a recording; for files that do not give the size."""
     width = height = 1
     for events in recording.events():
         if len(events.t):
@@ -136,11 +136,11 @@ def _size(recording: EventRecording) -> tuple[int, int]:
 
 EVENT_STREAM = re.compile(r"events:(\d{1,5})x(\d{1,5})")
 _MOST = 1 << 20
-"""Bytes that are read at a time, at most."""
+"""Most bytes that are read at a time."""
 
 
 def event_samples(source: str, config: EventsConfig, every: float, handle: int = 0) -> Iterator[Sample]:
-    """The windows of events as they come. Hot pixels are those that have been hot so far.
+    """The windows of live events. Hot pixels are those that have been hot so far.
 
     One window is in memory, and at most a mebibyte of events, however long the stream.
 

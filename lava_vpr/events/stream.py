@@ -1,5 +1,5 @@
-"""Events as every reader gives them, what is checked of them whatever they were read from, and where files keep
-their parts: a table of all, or an array for each, by the names that files use.
+"""The events that all readers return, the checks that all of them pass, and the arrays that hold them in files: one
+table, or an array for each part, by the names in use.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from lava_vpr.errors import InputError, shown
 from lava_vpr.storage.limits import within
 
 BLOCK = 1 << 18
-"""Events that are read at a time; so much of a recording is in memory."""
+"""Number of events that are read, and held in memory, at a time."""
 _MOST_US = 1 << 61
 
 
 class Events(NamedTuple):
-    """Some events in the order of their times; their signs are not looked at (`lava_vpr.inputs.windows`).
+    """Some events in the order of their times; their signs are not used (`lava_vpr.inputs.windows`).
 
     Attributes:
         t: Microseconds, int64 (n,).
@@ -54,7 +54,7 @@ class EventRecording:
         path: The file.
         raw: Reads it from the start, at most `BLOCK` events at a time.
         size: Width and height of the sensor in pixels, if the file tells them.
-        start_s: What is added to the times, in seconds.
+        start_s: Offset that is added to the times, in seconds.
     """
 
     path: Path
@@ -85,7 +85,7 @@ def check_size(size: tuple[int, int], where: str) -> tuple[int, int]:
 
 
 def checked(raw: Iterable[Raw], where: str, size: tuple[int, int] | None) -> Iterator[Events]:
-    """Events of a file or a stream, once they are seen to be what they must be.
+    """Check the events of a file or a stream, block by block.
 
     Args:
         raw: The events.
@@ -126,7 +126,7 @@ def _whole(values: NDArray[Any], where: str, name: str, first: int, factor: floa
     """Numbers of a file times a factor as whole numbers, int64 (n,)."""
     if values.dtype.kind in "iu" and values.dtype != np.uint64:
         return values.astype(np.int64)
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows, or is no number, is refused
+    with np.errstate(over="ignore", invalid="ignore"):  # overflow and values that are no numbers are refused
         numbers = values.astype(np.float64) * factor
     bad = ~(np.abs(numbers) < _MOST_US)
     if factor == 1:
@@ -142,7 +142,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "x": ("x", "xs"),
     "y": ("y", "ys"),
 }
-"""What files call the parts of an event."""
+"""Names that files use for the parts of an event."""
 
 Parts = list[tuple[Any, str]]
 """The array of times, of columns and of rows, and the field of each in it; "": all of it. Arrays have a ``dtype``."""

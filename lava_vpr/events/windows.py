@@ -1,4 +1,4 @@
-"""Windows of events: which events an image shows, what is noise among them, and the image."""
+"""Windows of events: selection of an image's events, removal of noise, and the image itself."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def rest(
     last: NDArray[np.int64],
     keep: NDArray[np.bool_],
 ) -> None:
-    """Say which events come ``refractory`` microseconds or more after the last one kept of their pixel.
+    """Mark the events that come ``refractory`` microseconds or more after the last one kept of their pixel.
 
     Args:
         t, x, y: The events, each (n,), microseconds and pixels.
@@ -95,7 +95,8 @@ def rest(
 
 
 class Removed(NamedTuple):
-    """How many events were kept, and left out as noise: of hot pixels, and too soon after another of their pixel."""
+    """Numbers of events kept, and of events left out as noise: of hot pixels, and too soon after another of their
+    pixel."""
 
     kept: int
     hot: int
@@ -103,7 +104,7 @@ class Removed(NamedTuple):
 
 
 def hot_pixels(counts: NDArray[np.int64], times: float) -> NDArray[np.bool_]:
-    """Pixels that say more than a scene can, bool (h, w).
+    """Pixels with more events than a scene can cause, bool (h, w).
 
     Args:
         counts: Events of each pixel, int64 (h, w).
@@ -118,7 +119,7 @@ def hot_pixels(counts: NDArray[np.int64], times: float) -> NDArray[np.bool_]:
 
 
 class Windows:
-    """Cuts events into windows as they come, and makes an image of each; it holds one window and no event.
+    """Cuts a stream of events into windows, and makes an image of each; only the current window is in memory, no event.
 
     A window begins with the first event, and then at the first multiple of ``every`` seconds after that which is not
     before the end of the window before. It lasts ``window_ms``, or until ``window_events`` events are kept. One without
@@ -152,7 +153,7 @@ class Windows:
 
     @property
     def removed(self) -> Removed:
-        """What has been kept and left out so far, in windows."""
+        """Numbers of events kept and left out so far, in windows."""
         return Removed(*self._totals.tolist())
 
     def all(self, parts: Iterable[Events]) -> Iterator[Sample]:
@@ -182,7 +183,7 @@ class Windows:
                 self._begin(end + (1 if by_count else 0), int(t[i]) if i < len(t) else end)
 
     def rest(self) -> Iterator[Sample]:
-        """The last window, if half of it is there; called once, after the last event."""
+        """The last window, if it is at least half complete; call it once, after the last event."""
         by_count = self._config.window_events
         if by_count and self._kept >= by_count / 2:
             yield from self._ended(self._latest)

@@ -31,23 +31,23 @@ ENCODINGS: dict[str, tuple[int, tuple[int, ...]]] = {
     "bgra8": (4, (0, 1, 2)),
     "rgba8": (4, (2, 1, 0)),
 }
-"""Encodings of sensor_msgs/Image: bytes of a pixel, and which of them are blue, green and red, or grey."""
+"""Encodings of sensor_msgs/Image: bytes per pixel, and the positions of blue, green and red, or of grey, among them."""
 
 
 def is_bag(path: Path) -> bool:
-    """Whether ``path`` is taken for a bag: by a file's suffix, or since a folder holds the metadata of one."""
+    """Whether ``path`` is a bag: a file with a bag's suffix, or a folder with a bag's metadata."""
     if path.is_dir():
         return (path / "metadata.yaml").is_file()
     return path.suffix.lower() in BAG_SUFFIXES and path.is_file()
 
 
 def bag_files(path: Path) -> list[str]:
-    """What is read of a bag: itself, and the files in its folder."""
+    """The paths that are read of a bag: its own, and those of the files in its folder."""
     return [str(path), *(sorted(str(file) for file in path.iterdir()) if path.is_dir() else ())]
 
 
 def split_topic(source: str) -> tuple[str, str | None]:
-    """The path and the topic of a bag that is given as ``path:/topic``; of anything else all of it, and None."""
+    """Split ``path:/topic`` of a bag into path and topic; any other source stays whole, with topic None."""
     path, colon, topic = source.partition(":/")
     if colon and not Path(source).exists() and is_bag(Path(path)):
         return path, "/" + topic
@@ -57,7 +57,7 @@ def split_topic(source: str) -> tuple[str, str | None]:
 def bag_samples(path: Path, topic: str | None) -> Iterator[Sample]:
     """Every image message of a topic, uint8 (h, w) or (h, w, 3) BGR.
 
-    It was taken, in seconds since 1970, when its header says, or when it was recorded if that says nothing.
+    Its stamp, in seconds since 1970, is that of its header, or else the time of recording.
 
     Args:
         path: The bag.
@@ -139,7 +139,7 @@ def _check_whole(file: Path) -> None:
 
 
 def _chosen(path: Path, connections: list[Any], topic: str | None) -> list[Any]:
-    """The connections of the topic that is asked for, or of the only one with images."""
+    """The connections of the requested topic, or of the only one with images."""
     with_images = [one for one in connections if one.msgtype in (_RAW, _COMPRESSED)]
     names = sorted({one.topic for one in with_images})
     listed = ", ".join(map(shown, names))
@@ -155,7 +155,7 @@ def _chosen(path: Path, connections: list[Any], topic: str | None) -> list[Any]:
 
 @contextmanager
 def rosbags_for(path: Path, done: str) -> Iterator[None]:
-    """Say in one line that rosbags, by which ``path`` is to be read or written, cannot be imported.
+    """Turn a failed import of rosbags, which is needed to read or write ``path``, into an error of one line.
 
     Raises:
         InputError: it is not installed, or lacks what it needs.
@@ -181,7 +181,7 @@ def rosbags_for(path: Path, done: str) -> Iterator[None]:
 
 @contextmanager
 def _told(path: Path) -> Iterator[None]:
-    """Say in one line what goes wrong in rosbags, which raises anything of a damaged file."""
+    """Turn errors of rosbags, which a damaged file can make of any type, into an error of one line."""
     try:
         with rosbags_for(path, "read"):
             yield

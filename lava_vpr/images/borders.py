@@ -1,4 +1,4 @@
-"""Bars at the edges of images: where they end, by the pixels alone."""
+"""Detection of bars at the edges of images, from the pixels only."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 FLAT, STEP, MOST_OF = 4.0, 3.0, 0.75
-"""A bar's lines are this close to one grey level, on average over a line: a camera's noise of five levels leaves it. It
-ends within three lines at one that is so many times as far from that level on average, and more than `FLAT` from it in
-this share of its values: a straight edge, which neither the sky nor the night ends at."""
+"""Limits of a bar. The mean deviation of its lines from one grey level is at most `FLAT`, which a camera's noise of
+five levels stays below. Within three lines it ends at a line whose mean deviation is `STEP` times as large, and where a
+share `MOST_OF` of the values deviates by more than `FLAT`: a straight edge, unlike that of a sky or a night."""
 LEAST, MOST, LINES = 0.04, 0.45, 2
-"""Shares of a side that a bar takes, least and most, and the fewest lines of pixels."""
+"""Smallest and largest share of a side that a bar covers, and its fewest lines of pixels."""
 
 
 class Border(NamedTuple):
@@ -26,12 +26,12 @@ class Border(NamedTuple):
     right: int = 0
 
     def inside(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """What an image (h, w) or (h, w, 3) shows between its bars."""
+        """The part of an image (h, w) or (h, w, 3) between its bars."""
         height, width = image.shape[:2]
         return np.ascontiguousarray(image[self.top : height - self.bottom, self.left : width - self.right])
 
     def replaced(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The image with bars that repeat what is beside them."""
+        """The image with its bars painted over by the lines beside them."""
         return np.asarray(cv2.copyMakeBorder(self.inside(image), *self, cv2.BORDER_REPLICATE), np.uint8)
 
     def shows(self, image: NDArray[np.uint8], grid: int) -> NDArray[np.bool_]:
@@ -55,7 +55,7 @@ def border_of(image: NDArray[np.uint8]) -> Border:
 
 
 def common_border(borders: Iterable[Border]) -> Border:
-    """The bars that most of some images have; none on an edge where most have none."""
+    """The bars that the majority of images have, edge by edge."""
     found = np.sort(list(borders), axis=0)
     return Border(*found[(len(found) - 1) // 2].tolist())
 

@@ -1,4 +1,4 @@
-"""What a camera writes into the EXIF block of a photo: where it was taken, and when.
+"""Position and time of a photo from its EXIF block.
 
 Source: EXIF 2.32 (CIPA DC-008), its tags and types; the structure is TIFF's, which `lava_vpr.images.formats` walks.
 """
@@ -24,12 +24,12 @@ _TEXT, _LONG, _FRACTION = {2: "s"}, {4: "I", 13: "I"}, {5: "II"}
 
 
 class Taken(NamedTuple):
-    """What a photo says of itself.
+    """Position and time of a photo.
 
     Attributes:
         where: Latitude and longitude in degrees (WGS 84), north and east positive; None if it does not say.
         when: Seconds since 1970, of local time as if it were UTC where ``zoned`` is false; None if it does not say.
-        zoned: Whether it says how far its local time is from UTC.
+        zoned: Whether the distance of its local time from UTC is known.
     """
 
     where: tuple[float, float] | None
@@ -38,10 +38,10 @@ class Taken(NamedTuple):
 
 
 def taken(path: Path) -> Taken:
-    """Where and when the photo in file ``path`` was taken, as far as its EXIF block says (JPEG, PNG, WebP); of damage
-    there it is silent.
+    """Position and time of the photo in file ``path`` from its EXIF block (JPEG, PNG, WebP); damaged values are
+    ignored.
 
-    A position of 0, 0, or one that the receiver calls void, is none.
+    A position of 0, 0, or one that the receiver marks as void, counts as none.
 
     Raises:
         UnreadableError: the file cannot be read, or is no whole image.

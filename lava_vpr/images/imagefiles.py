@@ -83,7 +83,7 @@ _thread = threading.local()
 
 
 class AloneError(Exception):
-    """Raised out of an image that is to be read when no other is: it has to be reported, or it is large."""
+    """Raised for an image that must be read while no other is, because it must be reported or is large."""
 
 
 def _beside_others() -> bool:
@@ -92,7 +92,7 @@ def _beside_others() -> bool:
 
 
 def _alone_if(needed: bool) -> None:
-    """Leave an image that needs to be read alone, if others are read beside it."""
+    """Raise `AloneError` if ``needed`` and other images are being read at the same time."""
     if needed and _beside_others():
         raise AloneError
 
@@ -120,7 +120,7 @@ def side_by_side(work: Callable[[int], object], numbers: Sequence[int], threads:
                 list(pool.map(share, range(threads)))
             finally:
                 given_up.set()
-    except Exception:  # whatever it is: it comes again
+    except Exception:  # any error: it is raised again
         return False
     return not _damage_in(messages)
 
@@ -134,14 +134,14 @@ _CODEC_DAMAGE = re.compile(rb"premature end|bad Huffman", re.IGNORECASE)
 
 
 def _damage_in(messages: list[bytes]) -> bool:
-    """Whether codecs have said that part of a picture is missing."""
+    """Whether messages of codecs say that part of a picture is missing."""
     return any(_CODEC_DAMAGE.search(line) for line in messages)
 
 
 def decode_image(data: bytes, where: str) -> NDArray[np.uint8]:
     """The bytes of an image file as uint8, (h, w, 3) BGR, or (h, w) for a grey file; see the module for the rules.
 
-    What it holds that is not read, or looks wrong, is logged.
+    Content that is not read, or looks wrong, is logged.
 
     Args:
         data: The bytes.
@@ -199,11 +199,11 @@ def read_image(path: Path) -> NDArray[np.uint8]:
 
 _NOTES = logging.getLogger("lava_vpr")
 _FEW_BITS = 12
-"""Bits of 16 that the cameras fill whose pictures would come out nearly black."""
+"""Significant bits of 16-bit samples up to which a picture comes out nearly black."""
 
 
 def _note(header: Header, image: NDArray[Any], where: str) -> None:
-    """Log what is read of a picture in another way than its user may think; commands show the first of each sort."""
+    """Log where a picture is not read as its user may expect; commands show the first note of each kind."""
     bits = int(image.max()).bit_length() if image.dtype == np.uint16 else 0
     for sort, there, said in (
         ("pictures", header.pictures, "holds several pictures (pages or frames), of which the first is read"),
@@ -262,10 +262,10 @@ def _turned(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:
 
 
 PAUSE_S = 0.05
-"""Seconds between two looks at the folder: a file whose size and time have not changed between them may be whole."""
+"""Seconds between two looks at the folder: a file whose size and time stay equal between them may be complete."""
 PATIENCE_S, LONGEST_S = 5.0, 30.0
-"""Seconds until a file that cannot be read is given up: after its last change, and after the first look at it."""
-_TICK_NS = 2_000_000_000  # a folder that has not changed for so long lists what it listed
+"""Seconds after which a file that cannot be read is reported: since its last change, and since the first look at it."""
+_TICK_NS = 2_000_000_000  # seconds without a change after which a folder's list is taken to be current
 
 
 def appearing(
@@ -297,7 +297,7 @@ def appearing(
     while True:
         names = listing.names()
         if names is not None:
-            taken &= names  # who goes away is forgotten
+            taken &= names  # forget files that are gone
             new = sorted(names - taken, key=natural_key)
             taken |= names
             waiting += [_File(str(folder / name), now()) for name in new]

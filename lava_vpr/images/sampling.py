@@ -1,4 +1,4 @@
-"""Images of a source before they are read, and which of them are taken: by time, by distance or by change."""
+"""Samples: images of a source before they are read, and their selection by time, distance or change."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ T = TypeVar("T")
 
 
 class Sample(NamedTuple):
-    """One image of a source, not read yet.
+    """An image of a source that is read on demand.
 
     Attributes:
-        number: How many images of the source are before it.
-        stamp: When it was taken, in seconds (`lava_vpr.positions.frames`); None if nobody says.
+        number: Number of the image in its source, from 0.
+        stamp: When it was taken, in seconds (`lava_vpr.positions.frames`); None if unknown.
         read: Reads the image, uint8 (h, w) or (h, w, 3) BGR, or the vector, float32 (values,), or raises an
-            `InputError`. To be called before the next sample is asked for.
+            `InputError`. Call it before taking the next sample.
         since: Seconds since the first image of the source, for `every_so_often`.
         name: Its name; None: that of its number.
     """
@@ -57,7 +57,8 @@ def spaced(points: NDArray[np.float64], spacing: float) -> NDArray[np.int64]:
 
     Args:
         points: Where images were taken, metres, float64 (n, coordinates).
-        spacing: In metres, along a straight line: what a receiver's noise adds up to at a standstill is no way.
+        spacing: Straight-line distance in metres; path length would grow with a receiver's noise while the robot stands
+            still.
     """
 
     def away(before: int, i: int) -> bool:
@@ -69,11 +70,12 @@ def spaced(points: NDArray[np.float64], spacing: float) -> NDArray[np.int64]:
 def changed(activities: Iterable[NDArray[np.float32]], threshold: float) -> NDArray[np.int64]:
     """The first image, and each whose input changed by ``threshold`` or more since the one kept before, int64 (kept,).
 
-    The change is 1 - cos of the angle between the two activities: 0 for inputs in the same proportions, 1 for inputs of
-    which none responds to both. Between a blank image and any other it is 1, between two blank ones 0.
+    The change is 1 - cos of the angle between the two activities: 0 for the same proportions, 1 if no input responds to
+    both images. It is 1 between a blank image and any other, and 0 between two blank ones.
 
     Args:
-        activities: Of each image in turn, float32 (inputs,), at least 0; one is held beside the last kept.
+        activities: Activity of each image in turn, float32 (inputs,), at least 0; only this and the last kept one are
+            in memory.
         threshold: From 0, which keeps every image, to 1.
     """
     units = enumerate(map(_unit, activities))
@@ -82,7 +84,7 @@ def changed(activities: Iterable[NDArray[np.float32]], threshold: float) -> NDAr
 
 
 def _unit(activity: NDArray[np.float32]) -> NDArray[np.float64]:
-    """An activity as a vector of length 1; of a blank image zeros."""
+    """An activity scaled to length 1; zeros for a blank image."""
     length = float(np.linalg.norm(activity.astype(np.float64)))
     return activity / length if length else np.zeros(activity.shape)
 
@@ -95,14 +97,15 @@ def _change(ours: NDArray[np.float64], theirs: NDArray[np.float64]) -> float:
 
 
 def chosen(walk: Callable[[], Iterable[Sample]], numbers: NDArray[np.int64], what: str) -> Iterator[NDArray[Any]]:
-    """The images of these numbers: one pass over a source if they increase, a new pass at each step back.
+    """The images with the given numbers, in one pass over the source if they increase; each step back starts a new
+    pass.
 
     Args:
         walk: The source's samples from the first on, in increasing numbers.
-        numbers: Those that are wanted, int64 (n,).
+        numbers: Numbers of the images, int64 (n,).
         what: The source and what one of its images is called, for messages.
     Raises:
-        InputError: an image cannot be read, or is there no more.
+        InputError: an image cannot be read, or no longer exists.
     """
     k = 0
     while k < len(numbers):

@@ -27,10 +27,10 @@ from lava_vpr.storage.reading import open_regular
 
 @contextlib.contextmanager
 def _capture(path: Path) -> Iterator[tuple[cv2.VideoCapture, Film]]:
-    """The opened video, released at the end, and what its container says of it.
+    """The opened video, released at the end, and its container's properties.
 
-    FFmpeg gets the file that was examined, by the number of its descriptor, so that nothing in its name is taken for a
-    protocol or a pattern; its format is prescribed, and of the protocols it may use that of files only.
+    FFmpeg gets the examined file by its descriptor, so that it cannot take the name for a protocol or a pattern. Its
+    format is prescribed, and the only protocol allowed is that of files.
     """
     try:
         with open_regular(path) as file:
@@ -53,7 +53,7 @@ def _capture(path: Path) -> Iterator[tuple[cv2.VideoCapture, Film]]:
 
 
 def _examined(path: Path, handle: int) -> Film:
-    """What the video says of itself; its structure is whole and its frames are not too large."""
+    """The properties of a video, once its structure is found complete and its frames are within the limit."""
     try:
         film = examine(handle)
     except DamagedError as error:
@@ -69,7 +69,7 @@ def _examined(path: Path, handle: int) -> Film:
 
 
 def _check_size(path: Path, width: int, height: int) -> None:
-    """Frames are no larger than images may be."""
+    """Refuse frames that are larger than images may be."""
     within("image_pixels", width * height, f"{shown(path)}: has frames of {width} x {height},")
 
 
@@ -105,7 +105,7 @@ def video_samples(path: Path) -> Iterator[Sample]:
 
 
 def _retrieved(capture: cv2.VideoCapture, fault: str) -> NDArray[np.uint8]:
-    """The image that was the last to be grabbed; ``fault`` says what is wrong if there is none."""
+    """The image grabbed last; raises an `InputError` with the text ``fault`` if there is none."""
     good, image = capture.retrieve()
     if not good or image is None:
         raise InputError(fault)
@@ -115,13 +115,13 @@ def _retrieved(capture: cv2.VideoCapture, fault: str) -> NDArray[np.uint8]:
 CAMERA = re.compile(r"(?:camera:|/dev/video)(\d{1,3})|rtsps?://.*", re.DOTALL)
 """The name of a camera: its number (group 1), or an RTSP address."""
 _WAIT_MS = 5000
-"""Milliseconds after which a stream that does not answer is given up."""
+"""Time-out of a stream that does not answer, in milliseconds."""
 
 
 def camera_samples(source: str) -> Iterator[Sample]:
-    """The images of a camera, uint8 (h, w, 3) BGR, as long as it gives any.
+    """The images of a camera, uint8 (h, w, 3) BGR, until it stops delivering.
 
-    Their stamps are when they came, in seconds since 1970.
+    Stamps are the times of arrival, in seconds since 1970.
 
     Args:
         source: Its name (`CAMERA`).
@@ -147,7 +147,7 @@ def camera_samples(source: str) -> Iterator[Sample]:
 
 
 def _opened(source: str, name: str) -> cv2.VideoCapture:
-    """The opened camera; what codecs say of it is kept quiet."""
+    """The opened camera; messages of codecs are suppressed."""
     device = CAMERA.fullmatch(source)
     if device is not None and device[1]:
         path = f"/dev/video{int(device[1])}"
@@ -155,7 +155,7 @@ def _opened(source: str, name: str) -> cv2.VideoCapture:
             raise InputError(f"{name}: there is no camera {path}; plug it in, or see which there are: ls /dev/video*")
         with quiet():
             capture = cv2.VideoCapture(int(device[1]), cv2.CAP_V4L2)
-            capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # no image of long ago
+            capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # no outdated image
     else:
         with quiet():
             os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")

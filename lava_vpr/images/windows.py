@@ -1,4 +1,4 @@
-"""A view of a file by position: what is asked for must be there whole, and its parts are walked and counted."""
+"""Access to a file by position that refuses to read beyond its end, and a walk over its parts that counts them."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ class DamagedError(Exception):
 
 @dataclass(frozen=True)
 class Film:
-    """What a video file says of itself, once the walk over its structure has found it whole.
+    """Properties of a video file whose structure the walk has found complete.
 
     Attributes:
         demuxer: FFmpeg's name of the file's format.
-        sizes: Width and height of each video stream in pixels, where the file tells them.
-        frames: Number of frames of the first video stream, or 0 where the file does not tell it; some may be hidden.
-        span: Seconds from its first to its last frame, 0 where the file does not tell them.
-        least: Number of its frames that a sound file shows, at least; 0 where the file does not tell it.
+        sizes: Width and height of each video stream in pixels, where the file gives them.
+        frames: Number of frames of the first video stream, some of which may be hidden; 0 if unknown.
+        span: Seconds from its first to its last frame; 0 if unknown.
+        least: Fewest frames that an undamaged file shows; 0 if unknown.
     """
 
     demuxer: str
@@ -36,7 +36,7 @@ class Film:
 
 
 Part = tuple[Any, int, int]
-"""A part of a file: its kind, and where its content begins and ends."""
+"""A part of a file: its kind, and the begin and end of its content."""
 
 
 class Window:
@@ -66,7 +66,7 @@ class Window:
         return data
 
     def numbers(self, layout: str, position: int) -> tuple[Any, ...]:
-        """What `struct` reads with ``layout`` from ``position`` on."""
+        """The values that `struct` reads with ``layout`` at ``position``."""
         return struct.unpack(layout, self.at(position, struct.calcsize(layout)))
 
     def reach(self, end: int, beyond: int | None = None) -> int:
