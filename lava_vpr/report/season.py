@@ -60,7 +60,7 @@ def trusted(model: Model, gains: NDArray[np.uint8]) -> NDArray[np.uint8]:
     means = gains.reshape(channels, grid, grid).mean(axis=0, dtype=np.float32)
     levels = np.rint(255 * (1 - (means.max() - means) / max(float(np.ptp(means)), 1.0))).astype(np.uint8)
     colours = cv2.applyColorMap(cv2.resize(levels, _PICTURE, interpolation=cv2.INTER_NEAREST), cv2.COLORMAP_CIVIDIS)
-    image = cv2.resize(model.thumbnails[model.places // 2], _PICTURE, interpolation=cv2.INTER_CUBIC)
+    image = cv2.resize(model.thumbnails[model.places // 2], _PICTURE, interpolation=cv2.INTER_LINEAR_EXACT)
     image = cv2.cvtColor(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR)
     return np.asarray(cv2.addWeighted(image, 0.4, colours, 0.6, 0), np.uint8)
 
