@@ -34,6 +34,11 @@ RunFrontEnd = Callable[[Model, Iterable[NDArray[np.uint8]], Advance | None], Ite
 width) each: of each block every spike of each population by name, uint8 (n, steps, neurons)."""
 
 
+RunGains = Callable[[NDArray[np.uint16], NDArray[np.uint8], NDArray[np.int32], Advance | None], NDArray[np.int64]]
+"""Multiplies digits of activity, uint16 (n, digits, inputs), by the gains of each query's epoch: gains uint8 (epochs,
+inputs), epochs int32 (n,). Returns the products, int64 (n, digits, inputs)."""
+
+
 def front_end_of(model: Model) -> FrontEnd:
     """The spiking front end of a model that has one.
 
@@ -171,6 +176,7 @@ class BackendRow:
         together: Queries of a stream in one call: few bound the memory, but a backend that starts a process or reads a
             bundle for each call gets many.
         front_end: What runs the spiking front end before the network; None: the backend begins with the inputs' spikes.
+        gains: What multiplies activity by gains before rates are made of it; None: the host does.
     """
 
     name: str
@@ -187,6 +193,7 @@ class BackendRow:
     batch: int = 1
     together: int = 8192
     front_end: RunFrontEnd | None = None
+    gains: RunGains | None = None
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,8 @@ from lava_vpr.processes.base import lava_checks
 
 SLOWEST = 40.0
 """Steps per second of Lava that are still taken for progress; what takes longer, and two minutes, is ended."""
+_STEPS_OF_DIGIT = 10
+"""Steps that take as long as a digit of activity: two, and all membranes are read."""
 
 
 class Timed(NamedTuple):
@@ -136,6 +138,27 @@ def front_end_trains(
     for grey in blocks:
         timeout = 120 + len(grey) * spec.steps / SLOWEST
         yield run_isolated(target, {"grey": grey}, {"spec": asdict(spec)}, timeout=timeout, progress=advance)
+
+
+def gained(
+    job: str,
+    tag: str,
+    digits: NDArray[np.uint16],
+    gains: NDArray[np.uint8],
+    epoch: NDArray[np.int32],
+    advance: Advance | None = None,
+) -> NDArray[np.int64]:
+    """Multiply activity by gains as Lava Processes; see `lava_vpr.backends.interface.RunGains`.
+
+    Args:
+        job: Function of `lava_vpr.processes.jobs.gains`.
+        tag: Which ProcessModels.
+        digits, gains, epoch, advance: As there.
+    """
+    arrays: dict[str, NDArray[Any]] = {"digits": digits, "gains": gains, "epoch": epoch}
+    timeout = 120 * len(gains) + _STEPS_OF_DIGIT * digits.shape[0] * digits.shape[1] / SLOWEST
+    target = f"lava_vpr.processes.jobs.gains:{job}"
+    return np.asarray(run_isolated(target, arrays, {"tag": tag}, timeout=timeout, progress=advance)["gained"])
 
 
 def lava_missing() -> str | None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.backends.interface import Advance, Backend, BackendRow, HostBackend, front_end_of
-from lava_vpr.backends.lava import LavaBackend, front_end_trains, lava_missing, loihi2_missing
+from lava_vpr.backends.lava import LavaBackend, front_end_trains, gained, lava_missing, loihi2_missing
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.model import Model
@@ -76,6 +76,7 @@ for _row in (
         default=True,
         limit=16,
         front_end=partial(front_end_trains, "composed"),
+        gains=partial(gained, "composed", "fixed_pt"),
     ),
     BackendRow(
         "lava-float",
@@ -85,6 +86,7 @@ for _row in (
         exact=False,
         timing="lava",
         limit=16,
+        gains=partial(gained, "composed", "floating_pt"),
     ),
     BackendRow(
         "lava-fused",
@@ -104,6 +106,7 @@ for _row in (
         timing="lava",
         limit=16,
         front_end=partial(front_end_trains, "library"),
+        gains=partial(gained, "library", "fixed_pt"),
     ),
     BackendRow(
         "bundle",

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
-from lava_vpr.backends.interface import Advance, HostBackend, Presentations, RunFrontEnd, front_end_of
+from lava_vpr.backends.interface import Advance, HostBackend, Presentations, RunFrontEnd, RunGains, front_end_of
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cluster.tasks import Pool
-from lava_vpr.encoding import EncodedTraverse
+from lava_vpr.config import EncoderConfig
+from lava_vpr.encoding import EncodedTraverse, query_rates16
+from lava_vpr.engine.gains import FULL, digits_of
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError, ConfigError, InputError, NetworkLimitError, PluginError
 from lava_vpr.inputs.encoder import Keep
@@ -27,21 +29,22 @@ from lava_vpr.model import Model, as_integer, decode
 class Mismatch:
     """The first spike in which a backend differs from the host: where, and what each of them says (0 or 1).
 
-    For a backend that tells counts only, the first count that differs; ``step`` is then None.
+    For a backend that tells counts only, the first count that differs; ``step`` is then None, as it is of activity
+    under gains.
     """
 
     query: str
     step: int | None
     population: str
     neuron: int
-    host: int
-    backend: int
+    host: float
+    backend: float
 
     def __str__(self) -> str:
         where = "" if self.step is None else f" step {self.step},"
         return (
             f"query {self.query},{where} population {self.population}, neuron {self.neuron}: "
-            f"host {self.host}, backend {self.backend}"
+            f"host {self.host:.9g}, backend {self.backend:.9g}"
         )
 
 
@@ -59,6 +62,7 @@ class Verdict:
         differing: (step, neuron) pairs in which spikes differ.
         mismatch: The first spike that differs.
         recall: R@1 of the default decoder on these queries.
+        gained: Products of activity and gain that were compared.
     """
 
     name: str
@@ -69,6 +73,7 @@ class Verdict:
     differing: int = 0
     mismatch: Mismatch | None = None
     recall: float | None = None
+    gained: int = 0
 
     @property
     def spikes(self) -> int:
@@ -97,6 +102,8 @@ class Verdict:
         values: dict[str, Any] = {"available": True, "equal": self.equal, "queries": self.queries}
         if self.equal is None:
             return values | {"recall_at_1": self.recall}
+        if self.gained:
+            values["products_compared"] = self.gained
         return values | {
             "spikes_compared": self.spikes,
             "spikes_decided": self.decided,
@@ -125,6 +132,63 @@ class FrontEndQueries(NamedTuple):
     model: Model
     grey: NDArray[np.uint8]
     names: Sequence[str]
+
+
+GAINED = "inputs under gains"
+"""What is called a population where products of activity and gain differ."""
+
+
+class GainedQueries(NamedTuple):
+    """What queries are presented with under gains.
+
+    Attributes:
+        names: Name of each presentation.
+        activity: Without gains, float32 (n, inputs).
+        gains: Of each epoch, uint8 (epochs, inputs).
+        epoch: Of each presentation, int32 (n,).
+        encoder: Settings of the inputs.
+    """
+
+    names: Sequence[str]
+    activity: NDArray[np.float32]
+    gains: NDArray[np.uint8]
+    epoch: NDArray[np.int32]
+    encoder: EncoderConfig
+
+    @classmethod
+    def of(cls, model: Model, asking: Asking, views: Sequence[EncodedTraverse]) -> GainedQueries | None:
+        """Those of queries in each of their views; None where inputs have no gains."""
+        n, encoder = len(views[0]), model.config.encoder
+        if asking.replay is not None:
+            gains, epoch = asking.replay.gains, asking.replay.epoch[:n]
+        elif asking.season is not None:
+            gains, epoch = asking.season.gains[None], np.zeros(n, np.int32)
+        else:
+            return None
+        names, activity = views[0].names * len(views), np.concatenate([view.activity for view in views])
+        return cls(names, activity, gains, np.tile(epoch, len(views)), encoder)
+
+
+def _under_gains(
+    run: RunGains | None, queries: GainedQueries | None, shown: Presentations, advance: Advance | None
+) -> tuple[Presentations, int, SpikesCompared]:
+    """Compare activity times gain on a backend with the host's, and present what follows from the backend's.
+
+    Returns:
+        The presentations, how many products were compared, and what differs.
+    """
+    if run is None or queries is None:
+        return shown, 0, SpikesCompared({})
+    gains, whole = queries.gains[queries.epoch], digits_of(queries.activity)
+    ours = queries.activity * gains.astype(np.float32)
+    theirs = whole.activity(run(whole.digits, queries.gains, queries.epoch, advance))
+    where, lessened, rates = np.argwhere(ours != theirs), (gains < FULL).any(axis=1), shown.rates.copy()
+    rates[lessened] = query_rates16(theirs[lessened], queries.encoder)
+    first = [
+        Mismatch(queries.names[query], None, GAINED, which, float(ours[query, which]), float(theirs[query, which]))
+        for query, which in where[:1].tolist()
+    ]
+    return replace(shown, rates=rates), ours.size, SpikesCompared({}, len(where), next(iter(first), None))
 
 
 def compare(
@@ -225,13 +289,16 @@ def verify(
         before = FrontEndQueries(model, np.concatenate(grey), images)
     compared = _before(BACKENDS["host"].front_end, before, None).spikes
     compared |= compare(trains.films, trains.films, images).spikes if trains else {"exc": int(counts.sum())}
-    reference = Verdict("host", None, True, len(queries), compared, recall=recall_at_1(model, counts, truth))
+    gained = GainedQueries.of(model, asking, (queries, *further))
+    products = 0 if gained is None else gained.activity.size
+    recall = recall_at_1(model, counts, truth)
+    reference = Verdict("host", None, True, len(queries), compared, recall=recall, gained=products)
     for name in BACKENDS if names is None else names:
         try:
             found = (
                 reference
                 if name == "host"
-                else _verdict(name, model, shown, before, trains, images, truth, reference, begin)
+                else _verdict(name, model, shown, before, gained, trains, images, truth, reference, begin)
             )
         except (BackendUnavailableError, ConfigError, NetworkLimitError, PluginError) as error:
             found = Verdict(name, str(error))
@@ -244,6 +311,7 @@ def _verdict(
     model: Model,
     shown: Presentations,
     before: FrontEndQueries | None,
+    gained: GainedQueries | None,
     host: Trains | None,
     images: Sequence[str],
     truth: NDArray[np.bool_],
@@ -260,11 +328,13 @@ def _verdict(
     earlier = SpikesCompared({})
     if before is not None and row.front_end is not None:
         earlier = _before(row.front_end, before, begin(f"the front end on {name}"))
+    advance = begin(f"gains on {name}") if gained is not None and row.gains is not None else None
+    shown, products, weighed = _under_gains(row.gains, gained, shown, advance)
     backend = backends.get(name, advance=begin(name))
     exact = host if row.exact else None
     spikes = None if exact is None or row.counts_only else backend.trains(model, shown)
     counts = backend.count_spikes(model, shown)[0] if spikes is None else spikes.exc.sum(axis=1, dtype=np.int32)
-    verdict = replace(reference, name=name, equal=None, recall=recall_at_1(model, counts, truth))
+    verdict = replace(reference, name=name, equal=None, recall=recall_at_1(model, counts, truth), gained=products)
     if exact is None:
         return verdict
     if spikes is None:  # counts are compared as the spikes of one step
@@ -273,6 +343,6 @@ def _verdict(
     mismatch = found.first
     if mismatch is not None and row.counts_only:
         mismatch = replace(mismatch, step=None)
-    mismatch = earlier.first or mismatch
-    compared, differing = earlier.spikes | found.spikes, earlier.differing + found.differing
+    mismatch = earlier.first or weighed.first or mismatch
+    compared, differing = earlier.spikes | found.spikes, earlier.differing + weighed.differing + found.differing
     return replace(verdict, equal=mismatch is None, compared=compared, differing=differing, mismatch=mismatch)

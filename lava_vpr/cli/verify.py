@@ -109,20 +109,27 @@ def _judge(verdicts: list[Verdict], named: bool) -> None:
         raise BackendUnavailableError(f"{unable[0].name}: was not compared; see above, or choose another --backend")
 
 
+_FURTHER = {"before": "front end", "gained": "gains"}
+"""Properties of a verdict that have a column where there is something to count."""
+
+
 def _table(verdicts: list[Verdict]) -> Table:
     """The table of the verdicts, with a row for each backend."""
-    rows, before = [], any(verdict.before for verdict in verdicts)
+    rows, further = [], [name for name in _FURTHER if any(getattr(verdict, name) for verdict in verdicts)]
     for verdict in verdicts:
         if verdict.reason is not None:
             rows.append([verdict.name, "not available"])
             continue
         equal = "equal, host's kernel" if verdict.hosts_kernel else "every spike equal"
         result = {None: "floating point", True: equal, False: f"{verdict.differing:,} differ"}
-        numbers = ((verdict.before,) if before else ()) + (verdict.decided, verdict.compared.get("inputs", 0))
+        numbers = (*(getattr(verdict, name) for name in further), verdict.decided, verdict.compared.get("inputs", 0))
         compared = (f"{number:,}" if verdict.equal is not None else "" for number in numbers)
         recall = "" if verdict.recall is None else percent(verdict.recall)
         shown = "compared with" if verdict.name == "host" else result[verdict.equal]
         rows.append([verdict.name, shown, f"{verdict.queries}", *compared, recall])
-    front_end, of = (("front end",), "all populations of the front end, ") if before else ((), "")
-    note = f"Spikes compared: of {of}exc and inh, which the network decides, and of inputs, which rates and key do."
-    return Table(("backend", "result", "queries", *front_end, "exc, inh", "inputs", "R@1"), rows, (note,), words=2)
+    of = "all populations of the front end, of " if "before" in further else ""
+    notes = [f"Spikes compared: of {of}exc and inh, which the network decides, and of inputs, which rates and key do."]
+    if "gained" in further:
+        notes.append("Gains: products of an input's activity and its gain, compared bit for bit.")
+    columns = ("backend", "result", "queries", *(_FURTHER[name] for name in further), "exc, inh", "inputs", "R@1")
+    return Table(columns, rows, tuple(notes), words=2)

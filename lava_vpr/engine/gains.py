@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,11 @@ from lava_vpr.engine.adaptation import unseen
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import RATE_UNIT, biases_of
 
-FULL = 15
-"""The largest gain, that of an input which does not change between visits: 4 bits."""
+GAIN_BITS = 4
+FULL = (1 << GAIN_BITS) - 1
+"""The largest gain, that of an input which does not change between visits."""
+DIGIT_BITS, _DIGITS = 12, 2
+"""Bits of a digit of activity, of which a number of single precision has two."""
 PRIOR = 10
 """Images at which every input is taken to have agreed before anything is learned."""
 EPOCH = 20
@@ -132,6 +136,36 @@ def gains_of(sums: NDArray[np.int64], variance: NDArray[np.int64]) -> NDArray[np
     """Gains uint8 (inputs,) that follow from `Season.sums` and `Reference.variance`."""
     own, query, both = (sums + PRIOR * variance).astype(np.float64)
     return np.minimum(np.rint(FULL * np.maximum(both, 0.0) / np.sqrt(own * query)), FULL).astype(np.uint8)
+
+
+class Digits(NamedTuple):
+    """Activity in whole numbers, which a chip can multiply by gains: mantissas in digits, highest first, and exponents.
+
+    Attributes:
+        digits: Of each activity, in units of 2^``exponents``: uint16 (n, digits, inputs), of `DIGIT_BITS` bits.
+        exponents: int32 (n, inputs); the host keeps them.
+    """
+
+    digits: NDArray[np.uint16]
+    exponents: NDArray[np.int32]
+
+    def activity(self, gained: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Activity float32 (n, inputs) of which ``gained`` (n, digits, inputs) are the products with gains: what
+        single precision makes of activity times gain."""
+        places = np.arange(gained.shape[1])[::-1, None] * DIGIT_BITS
+        whole = (gained << places).sum(axis=1)  # up to 28 bits
+        return np.ldexp(whole.astype(np.float64), self.exponents).astype(np.float32)
+
+
+def digits_of(activity: NDArray[np.float32]) -> Digits:
+    """Activity float32 (n, inputs), at least 0, in digits: one if all are whole and small, as spikes of cells are."""
+    if (activity < 1 << DIGIT_BITS).all() and (activity == np.floor(activity)).all():
+        return Digits(activity.astype(np.uint16)[:, None], np.zeros(activity.shape, np.int32))
+    mantissas, exponents = np.frexp(activity)
+    whole = np.ldexp(mantissas.astype(np.float64), _DIGITS * DIGIT_BITS).astype(np.int64)
+    places = np.arange(_DIGITS)[::-1, None] * DIGIT_BITS
+    digits = (whole[:, None] >> places & (1 << DIGIT_BITS) - 1).astype(np.uint16)
+    return Digits(digits, (exponents - _DIGITS * DIGIT_BITS).astype(np.int32))
 
 
 def weighed(rates: NDArray[np.uint16], gains: NDArray[np.uint8]) -> NDArray[np.uint16]:

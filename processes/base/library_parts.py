@@ -125,6 +125,7 @@ def library_synapses(
     floating: bool,
     sparse: bool,
     bits: int = 8,
+    messages: int = 0,
 ) -> Dense | Sparse:
     """Synapses that do not learn.
 
@@ -135,7 +136,9 @@ def library_synapses(
         floating: For those models.
         sparse: As Sparse, which does not store weights of 0; else as Dense.
         bits: Bits that are stored of a weight.
+        messages: Bits of the numbers that inputs send; 0: spikes.
     """
     values = weights * 2.0**weight_exp if floating else weights.astype(np.int32)
     kept: dict[str, Any] = {"num_weight_bits": bits, "weight_exp": weight_exp, "sign_mode": sign_mode}
+    kept |= {"num_message_bits": messages}
     return Sparse(weights=csr_matrix(values), **kept) if sparse else Dense(weights=values, **kept)

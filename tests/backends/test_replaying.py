@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from numpy.typing import NDArray
 from support.common.commands import content, fails, figures, images, listed, matches, run
 from support.common.teaching import teach_quickly
 
 from lava_vpr import load
+from lava_vpr.backends import lava, registry as backends
 from lava_vpr.backends.answering import Answered, answer_stream
-from lava_vpr.backends.asking import Asking
+from lava_vpr.backends.asking import Asker, Asking
+from lava_vpr.backends.interface import HostBackend, Presentations
+from lava_vpr.cli import main
 from lava_vpr.deploy.boards.board import LOIHI_2
 from lava_vpr.deploy.bundle.deployment import deploy
+from lava_vpr.encoding import encode_traverse
 from lava_vpr.engine.gains import FULL
+from lava_vpr.engine.presentations import Trains
 from lava_vpr.matching.answers import Together
-from lava_vpr.model import integer_model
+from lava_vpr.model import Model, integer_model
 from lava_vpr.season import table as gain_table
 from lava_vpr.season.file import unlearned
 from lava_vpr.season.table import GainTable
@@ -45,6 +54,12 @@ def drive(asking: Asking, backend: str = "host", model: str = "m.lvpr") -> list[
     """Answers to the route's queries."""
     together = Together(motion="any")
     return list(answer_stream(load(model), open_traverse("query"), backend=backend, together=together, asking=asking))
+
+
+def drive_rates(table: Path) -> NDArray[np.uint16]:
+    """Rates of the queries under the table's gains, (queries, inputs)."""
+    model, asking = load("m.lvpr"), Asking(replay=gain_table.load(table))
+    return Asker(model, asking).presentations((encode_traverse(open_traverse("query"), model.config.encoder),)).rates
 
 
 def counts(parts: list[Answered]) -> NDArray[np.int32]:
@@ -97,6 +112,52 @@ def test_a_board_s_folder_replays_what_its_model_learned(table: Path) -> None:
 def test_backends_are_compared_on_a_replay(table: Path) -> None:
     said = run("verify", "m.lvpr", "query", "--backend", "bundle", "--replay", table, "--limit", 6).stdout
     assert "every spike equal" in said
+
+
+@pytest.mark.lava
+@pytest.mark.slow
+def test_products_of_activity_and_gain_are_compared_in_lava(table: Path) -> None:
+    names = ("lava-fixed", "lava-library", "lava-float")
+    run("verify", "m.lvpr", "query", *(f"--backend={name}" for name in names), "--replay", table, "--json", "v.json")
+    said = json.loads(Path("v.json").read_text())["backends"]
+    inputs = gain_table.load(table).gains.shape[1]
+    for name in names[:2]:
+        assert said[name]["products_compared"] == 8 * inputs
+        assert said[name]["spikes_by_population"] == said["host"]["spikes_by_population"]
+    assert set(said["lava-float"]) == {"available", "equal", "queries", "recall_at_1"}
+
+
+@pytest.mark.lava
+@pytest.mark.parametrize("views", [1, 3])
+def test_rates_follow_from_the_products_of_the_backend(
+    table: Path, monkeypatch: pytest.MonkeyPatch, views: int
+) -> None:
+    """The command with Processes in Lava's place whose last product is sixteen times what it is."""
+    wrong, presented = [False], []
+
+    def in_lavas_place(target: str, arrays: Any, options: Any, **ways: Any) -> Any:
+        assert (target, options) == ("lava_vpr.processes.jobs.gains:composed", {"tag": "fixed_pt"})
+        gained = arrays["digits"].astype(np.int64) * arrays["gains"][arrays["epoch"]][:, None]
+        assert np.array_equal(arrays["epoch"], np.tile(gain_table.load(table).epoch, views))
+        gained[-1, :, largest] *= 16 if wrong[0] else 1
+        return {"gained": gained}
+
+    class Seeing(HostBackend):
+        def trains(self, model: Model, shown: Presentations) -> Trains:
+            presented.append(shown.rates)
+            return super().trains(model, shown)
+
+    largest = int(drive_rates(table)[-1].argmax())
+    monkeypatch.setattr(backends, "get", lambda name, threads=1, advance=None: Seeing())
+    monkeypatch.setattr(lava, "run_isolated", in_lavas_place)
+    asked = ("verify", "m.lvpr", "query", "--replay", table, "--query-views", views, "--backend", "lava-fixed")
+    assert re.search(r"lava-fixed +│ every spike equal +│ +8 │ +[\d,]+ │", run(*asked).stdout)
+    wrong[0] = True
+    result = CliRunner().invoke(main, [str(word) for word in asked])
+    assert result.exit_code == 1
+    assert f"query place_00007.png, population inputs under gains, neuron {largest}: host " in result.stderr
+    before, after = (rates[-1, largest] for rates in presented)
+    assert after > 2 * before
 
 
 @pytest.mark.parametrize("motion", ["none", "any"])

@@ -59,6 +59,7 @@ FOR_A_BOARD = {
     "SparseSynapses": ("SubSparseSynapsesFixed", {"Sparse"}),
     "PlasticDense": ("SubPlasticDenseFixed", {"LearningDense"}),
     "FrontEndNetwork": ("SubFrontEndNetwork", {"LIFReset", "Sparse"}),
+    "InputGains": ("SubInputGains", {"LIFReset", "Sparse"}),
     "PlaceNetwork": ("SubPlaceNetwork", {"Dense", "LIFReset"}),
     "PlaceNetwork, leaves and relays": ("SubPlaceNetwork", {"Dense", "LIFReset", "Sparse"}),
     "LearningPlaceNetwork": ("SubLearningPlaceNetwork", {"Dense", "LearningDense", "LIFReset", "Sparse"}),
@@ -145,7 +146,7 @@ def test_a_decay_that_the_chip_cannot_hold_is_refused_there() -> None:
 
 
 def test_a_run_in_simulation_selects_by_tag_and_kind() -> None:
-    leaves = [name for name in MADE if not name.startswith(("Place", "Learning", "Fused", "FrontEnd"))]
+    leaves = [name for name in MADE if not name.startswith(("Place", "Learning", "Fused", "FrontEnd", "InputGains"))]
     found = run_isolated(f"{TARGETS}:selected_in_simulation", {}, {"names": leaves}, timeout=120)["rows"]
     assert len(found) == 4 * len(leaves)
     for name, tag, sub, model, tags in found:

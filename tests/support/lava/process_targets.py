@@ -13,8 +13,11 @@ from numpy.typing import NDArray
 from support.lava.small_networks import limits, part
 
 from lava_vpr.errors import NetworkLimitError
+from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
 from lava_vpr.processes.encoders.process import BiasInputs, PoissonEncoder
+from lava_vpr.processes.front_end.process import FrontEndNetwork
+from lava_vpr.processes.input_gains.process import InputGains
 from lava_vpr.processes.jobs import inference as jobs
 from lava_vpr.processes.lif.process import ExcitatoryLIF
 from lava_vpr.processes.networks.process import PlaceNetwork
@@ -70,6 +73,23 @@ def _as_on_a_board(given: Arrays, own: dict[str, Any]) -> Arrays:
         jobs.across, jobs.begin = across, begin
         BiasInputs.write = written  # type: ignore[method-assign]
     return results | {"crossed": np.array(crossed), "writes": np.diff(calls, prepend=0)}
+
+
+def front_end_under_gains(arrays: Arrays, options: dict[str, Any]) -> Arrays:
+    """What neurons behind the cells of a front end hold after each image, int64 (n, cells), by their gains."""
+    grey, library = arrays["grey"], bool(options["library"])
+    spec = FrontEnd(**{name: tuple(x) if isinstance(x, list) else x for name, x in options["spec"].items()})
+    network = FrontEndNetwork(spec=spec, grey=grey[:1] if library else grey)
+    product, gained = InputGains(gains=arrays["gains"], interval=spec.steps), []
+    network.cells.connect(product.s_in)
+    config = Loihi2SimCfg(**SIDES["library" if library else "place"])
+    for number in range(len(grey)):
+        if library and number:
+            network.write(grey[number])
+        network.run(condition=RunSteps(num_steps=spec.steps), run_cfg=config)
+        gained.append(product.gained())
+    network.stop()
+    return {"gained": np.array(gained)}
 
 
 def _refusal(call: Any) -> str:

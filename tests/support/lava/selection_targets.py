@@ -24,6 +24,7 @@ from lava_vpr.processes.base.magma import AbstractProcess, Loihi2HwCfg, Loihi2Si
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.encoders.process import BiasInputs, PoissonEncoder, RegularEncoder
 from lava_vpr.processes.front_end.process import FrontEndNetwork
+from lava_vpr.processes.input_gains.process import InputGains
 from lava_vpr.processes.jobs import inference as jobs
 from lava_vpr.processes.lif.process import ExcitatoryLIF, InhibitoryLIF
 from lava_vpr.processes.networks.process import FusedPlaceNetwork, LearningPlaceNetwork, PlaceNetwork
@@ -64,6 +65,7 @@ MADE: dict[str, Callable[[], AbstractProcess]] = {
     "PlaceNetwork, leaves and relays": lambda: PlaceNetwork(network=random_network(3, signed=True, regular=True)),
     "LearningPlaceNetwork": _learning,
     "FrontEndNetwork": lambda: FrontEndNetwork(spec=FrontEnd(8), grey=np.zeros((1, 4, 8), np.uint8)),
+    "InputGains": lambda: InputGains(gains=np.arange(5), interval=2),
     "PoissonEncoder": lambda: PoissonEncoder(**PRESENTED),
     "RegularEncoder": lambda: RegularEncoder(**PRESENTED),
     "SpikeCounter": lambda: SpikeCounter(shape=(3,), presentations=2, interval=16),
