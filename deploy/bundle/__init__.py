@@ -1,1 +1,1 @@
-"""A model in fewer bits, the folder that holds all that a board gets, and its host program, run from here."""
+"""Bundles: compression of a model, the folder with everything that a board needs, and runs of its host program."""

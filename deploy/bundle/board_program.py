@@ -1,8 +1,8 @@
-"""Starts the host program of a board on a bundle's data: the program that lava-vpr ships, never the bundle's own.
+"""Run of a board's host program on a bundle's data: always the program that lava-vpr ships, never the bundle's own.
 
-A bundle may come from anywhere, and its checksums say only that it is whole, not who wrote it. What was read and
-checked is laid out in a private folder with this version's program files in place of the bundle's; nothing beside them,
-no link and no later change of the bundle, reaches the interpreter.
+A bundle may come from anywhere, and its checksums prove only that it is complete, not who wrote it. So the data that
+was read and checked is written to a private folder, with this version's program files instead of the bundle's. Nothing
+else reaches the interpreter: no link, and no later change of the bundle.
 
 Kapoho Bay's program needs a Python that has the vendor's software; the environment variable NXSDK_PYTHON names it, else
 it is the running one.
@@ -41,9 +41,9 @@ from lava_vpr.storage.arrays import array_of
 from lava_vpr.storage.reading import parse_json, read_bytes
 from lava_vpr.storage.writing import temporary_folder
 
-LOOK = 0.05  # seconds between two looks at the program
+LOOK = 0.05  # seconds between two checks of the program
 GRACE = 15.0  # seconds for it to let go of the board
-KEPT = 1 << 16  # bytes of each of its texts that are kept, the last ones
+KEPT = 1 << 16  # last bytes kept of each of its texts
 NOTES = logging.getLogger("lava_vpr")
 PYTHON = "NXSDK_PYTHON"
 ATTEMPTS = 2
@@ -51,7 +51,7 @@ IMPORT_SECONDS = 60.0
 PATIENCE = 700.0  # seconds without progress; the program gives up sooner, unless it hangs
 
 _FIND = (
-    "import sys; sys.path[:] = [path for path in sys.path if path]; "  # not where we stand, which may be a bundle
+    "import sys; sys.path[:] = [path for path in sys.path if path]; "  # not the working folder, which may be a bundle
     "import importlib.util; sys.exit(3 if importlib.util.find_spec('nxsdk') is None else 0)"
 )
 _ERRORS: dict[str, type[LavaVprError]] = {
@@ -60,7 +60,7 @@ _ERRORS: dict[str, type[LavaVprError]] = {
     "missing": BackendUnavailableError,
     "start": BackendUnavailableError,
 }
-"""Stages of the program at which another attempt would end alike, and what their failure is to the caller."""
+"""Stages of the program at which another attempt would fail in the same way, and the error to raise for each."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def run_program(
     chosen = (os.environ.get(variable) if variable is not None else None) or sys.executable
     chosen = os.path.abspath(chosen) if os.sep in chosen else chosen  # the program has a working directory of its own
     command = [chosen, lay_out(bundle, folder / "bundle"), "--queries", queries, "--out", out, *words]
-    environment = {**os.environ, "TMPDIR": str(folder)}  # whatever it leaves is removed
+    environment = {**os.environ, "TMPDIR": str(folder)}  # all its files are removed
     try:
         with (
             log.open("wb") as log_file,
@@ -202,7 +202,7 @@ def _tail(path: Path) -> str:
 
 
 def _has_nxsdk(python: str) -> str | None:
-    """Why ``python`` cannot import NxSDK; None if it has it."""
+    """The reason why ``python`` cannot import NxSDK; None if it can."""
     source = "it is Intel's closed package, from its neuromorphic research community"
     if python == sys.executable and importlib.util.find_spec("nxsdk") is not None:
         return None
@@ -217,7 +217,7 @@ def _has_nxsdk(python: str) -> str | None:
 
 
 def kapoho_bay_available() -> str | None:
-    """Why Kapoho Bay cannot be used here and what to do; None if it can, as far as is known without starting it."""
+    """The reason why Kapoho Bay cannot be used here, and the remedy; None if it seems usable without starting it."""
     reason = _has_nxsdk(os.environ.get(PYTHON) or sys.executable)
     if reason is None and os.environ.get("KAPOHOBAY") != "1":
         return "no Kapoho Bay is announced to NxSDK; connect it (lsusb must show it) and set KAPOHOBAY=1"

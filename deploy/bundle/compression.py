@@ -1,4 +1,4 @@
-"""A model in fewer bits and fewer synapses, quantised again from the float weights that it learned."""
+"""Compression of a model: fewer bits and fewer synapses, quantised again from its learned float weights."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PURPOSE = "a board"
 
 @dataclass(frozen=True)
 class CompressionFigures:
-    """What a model reaches on calibration images: fractions in 0..1, and the synaptic operations of a query."""
+    """Figures of a model on calibration images: recall as fractions in 0..1, and the synaptic operations of a query."""
 
     recall_at_1: float
     recall_at_100_precision: float
@@ -51,9 +51,9 @@ class Compressed:
         model: The model as it is to be deployed: quantised again, unless nothing had to be done.
         original: The model that it was made from.
         prune: Share of each neuron's weights that was set to 0.
-        notes: What differs from the original without having been asked for, for people.
+        notes: Differences from the original that were not requested, as text.
         before, after: Figures on the calibration images; None without such images.
-        max_loss: What R@1 was allowed to lose; None if nothing was searched.
+        max_loss: Largest loss of R@1 allowed; None if nothing was searched.
         tried: What was searched, in that order.
     """
 
@@ -72,7 +72,7 @@ class Compressed:
         return self.model is self.original
 
     def as_json(self) -> dict[str, Any] | None:
-        """What was done and what it changed, as plain values; None if nothing was changed or measured."""
+        """The compression and its effects as plain values; None if nothing was changed or measured."""
         if self.unchanged and self.before is None:
             return None
         values: dict[str, Any] = {
@@ -94,7 +94,7 @@ class Compressed:
 
 
 class Changes(NamedTuple):
-    """What of a model is to be changed; None leaves it to the model, to the board or to a search.
+    """Changes to a model; None leaves the choice to the model, the board or a search.
 
     Attributes:
         weight_bits: Bits of a weight's magnitude, 1..8, signed 1..7.
@@ -137,7 +137,7 @@ def under_gains(model: Model, gains: NDArray[np.uint8], *, threads: int = 1) -> 
 
 
 def with_settings(model: Model, changes: Changes) -> Model:
-    """``model`` with the settings of ``changes``, its weights and network still the old ones.
+    """``model`` with the settings of ``changes``, but still its old weights and network.
 
     Raises:
         ConfigError: it cannot be quantised again, or a value is outside its range.
@@ -215,7 +215,7 @@ def for_board(model: Model, board: Board, changes: Changes = UNCHANGED, *, threa
 
 
 def adapted(model: Model, board: Board, changes: Changes = UNCHANGED) -> Compressed:
-    """``model`` as ``board`` can run it, its responses still the old ones.
+    """``model`` as ``board`` can run it, but still with its old responses.
 
     Where ``changes.weight_bits`` is not given, weights have the most bits up to the model's own; where
     ``changes.input_mode`` is not, inputs are as `for_inputs` says.

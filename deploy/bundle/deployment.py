@@ -1,4 +1,4 @@
-"""From a model to a bundle: partition, registers, host tables, and everything else that the folder holds."""
+"""Deployment of a model as a bundle: partition, registers, host tables, and all other files of the folder."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ from lava_vpr.training.measuring import expected_rates, reference_responses
 
 @dataclass(frozen=True)
 class Deployed:
-    """A bundle that was written, and where its neurons stand."""
+    """A written bundle and its plan."""
 
     bundle: ReadBundle
     plan: Plan
 
 
 def plan_of(model: Model, board: Board, *, dense_rows: bool = False) -> Plan:
-    """Where the neurons of ``model`` stand on ``board``.
+    """The plan of ``model`` on ``board``: the assignment of its neurons to cores.
 
     Args:
         model: The model.

@@ -1,4 +1,4 @@
-"""What simulating a bundle costs, in memory and operations, bounded before it is paid."""
+"""The cost of simulating a bundle in memory and operations, checked against limits before it runs."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def facts(table: GainTable, model: Model) -> dict[str, Any]:
 
 
 def check_gains(bundle: ReadBundle, model: Model) -> None:
-    """Refuse a table that ``model``, the bundle's, is not presented with, or of which the manifest says otherwise.
+    """Refuse a gain table that does not belong to ``model``, the bundle's, or that contradicts the manifest.
 
     Raises:
         ModelFileError: the file is no table.

@@ -48,7 +48,7 @@ ARRAYS = ("weights", "thresholds", "epochs", "images", "keys")
 
 @dataclass(frozen=True)
 class ChipLearning:
-    """One stretch's network that learns, and all that is shown to it.
+    """The learning network of one stretch, and all its presentations.
 
     Attributes:
         phases: See `FoldedPhase`.
@@ -187,7 +187,7 @@ def _phase_json(phase: FoldedPhase) -> dict[str, Any]:
 
 
 def _folder(number: int) -> str:
-    """Where the arrays of a stretch stand."""
+    """Folder of the arrays of a stretch."""
     return f"learning/stretch{number:03d}"
 
 

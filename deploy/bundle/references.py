@@ -1,4 +1,4 @@
-"""What a bundle keeps of its model besides the network: to decode, to compare with baselines, to test itself."""
+"""The parts of a model that a bundle stores besides the network, for decoding, baselines and self-tests."""
 
 from __future__ import annotations
 

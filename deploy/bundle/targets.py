@@ -1,4 +1,4 @@
-"""What each board's bundle is made of, a row for each board: its files, how they are opened and run, and its guide.
+"""The registry of targets, a row for each board: files of its bundle, functions that open and run them, and its guide.
 
 `lava_vpr.deploy.boards.board` has what the boards hold; a board without a row here is refused when this is imported.
 
@@ -113,7 +113,7 @@ TARGETS.register(
 
 
 def check_targets() -> None:
-    """See that every board has its target.
+    """Check that every board has its target.
 
     Raises:
         TypeError: a board lacks it.
