@@ -27,6 +27,7 @@ from lava_vpr.storage import container
 from lava_vpr.storage.arrays import ArrayRule, UnfitError, check_arrays, check_keys
 
 _KIND = "gain table"
+_HASHES = ("network_of", "map_of")
 _HASH = re.compile("[0-9a-f]{64}")
 _BIASES = np.iinfo(np.int32)
 
@@ -55,6 +56,7 @@ class GainTable:
         bias: Its biases, int32 (n, neurons).
         images: Its image key, uint64 (n,): another image is none of the drive's.
         network_of: Which network and inputs these are: a hash.
+        map_of: Which map, whatever the numbers of its network: a hash.
         name: The file, for messages.
     """
 
@@ -63,6 +65,7 @@ class GainTable:
     bias: NDArray[np.int32] = field(repr=False)
     images: NDArray[np.uint64] = field(repr=False)
     network_of: str = ""
+    map_of: str = ""
     name: str = "the gain table"
 
     @classmethod
@@ -77,6 +80,7 @@ class GainTable:
             np.concatenate([part.bias for part in some]),
             np.concatenate([part.images for part in some]),
             network_of(model),
+            map_of(model),
         )
 
     def check(self, model: IntegerModel) -> None:
@@ -86,6 +90,12 @@ class GainTable:
             ConfigError: it is another, or its biases fit no registers.
         """
         if self.network_of != network_of(model):
+            if self.map_of == map_of(model):
+                raise ConfigError(
+                    f"{self.name}: was written with another network of the same map (deploy changes bits, pruning and "
+                    "inhibition); write it again with this model, or with the bundle that deploy makes without "
+                    "--replay: query --learn --gains"
+                )
             raise ConfigError(
                 f"{self.name}: was written with another model (other weights or inputs); give that model, or write it "
                 "again with --learn --gains"
@@ -128,6 +138,15 @@ def network_of(model: IntegerModel) -> str:
     return made.hexdigest()
 
 
+def map_of(model: IntegerModel) -> str:
+    """A hash of all that decides what a model has learned, which stays when its network is quantised otherwise."""
+    settings = {name: values for name, values in to_dict(model.config).items() if name != "network"}
+    stretches = [stretch.row for stretch in model.stretches]
+    made = hashlib.sha256(json.dumps([inputs_of(model), settings, stretches], sort_keys=True).encode())
+    made.update(model.activity.tobytes())
+    return made.hexdigest()
+
+
 def save(table: GainTable, path: Path) -> None:
     """Write ``table`` to ``path``; the file appears complete or not at all.
 
@@ -163,7 +182,7 @@ def unpacked(data: bytes, path: Path) -> GainTable:
 def _content(table: GainTable) -> tuple[dict[str, object], dict[str, NDArray[Any]]]:
     """Header and arrays of the file of ``table``."""
     arrays = {name: getattr(table, name) for name in ("gains", "epoch", "bias", "images")}
-    return {"version": __version__, "network_of": table.network_of}, arrays
+    return {"version": __version__, **{name: getattr(table, name) for name in _HASHES}}, arrays
 
 
 def _table(header: dict[str, Any], arrays: dict[str, NDArray[Any]], name: str) -> GainTable:
@@ -173,10 +192,10 @@ def _table(header: dict[str, Any], arrays: dict[str, NDArray[Any]], name: str) -
         ModelFileError: it is inconsistent.
     """
     try:
-        check_keys(header, ("version", "network_of"), (), "key {} in its header")
-        known = header["network_of"]
-        if not (isinstance(known, str) and _HASH.fullmatch(known)):
-            raise UnfitError("network_of")
+        check_keys(header, ("version", *_HASHES), (), "key {} in its header")
+        for known in _HASHES:
+            if not (isinstance(header[known], str) and _HASH.fullmatch(header[known])):
+                raise UnfitError(known)
         epochs, inputs = _sizes(arrays, "gains")
         queries, neurons = _sizes(arrays, "bias")
         rules = {
@@ -189,7 +208,8 @@ def _table(header: dict[str, Any], arrays: dict[str, NDArray[Any]], name: str) -
     except UnfitError as error:
         remedy = container.REMEDIES[_KIND]
         raise ModelFileError(f"{name}: the {_KIND} {error.how} {error}; {remedy}") from None
-    return GainTable(**{key: np.asarray(array) for key, array in arrays.items()}, network_of=known, name=name)
+    values: dict[str, Any] = {key: np.asarray(array) for key, array in arrays.items()}
+    return GainTable(**values, **{known: header[known] for known in _HASHES}, name=name)
 
 
 def _sizes(arrays: dict[str, NDArray[Any]], name: str) -> tuple[int, int]:

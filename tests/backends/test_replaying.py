@@ -21,6 +21,7 @@ from lava_vpr.backends.answering import Answered, answer_stream
 from lava_vpr.backends.asking import Asker, Asking
 from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.cli import main
+from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import LOIHI_2
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.encoding import encode_traverse
@@ -30,7 +31,7 @@ from lava_vpr.matching.answers import Together
 from lava_vpr.model import Model, integer_model
 from lava_vpr.season import table as gain_table
 from lava_vpr.season.file import unlearned
-from lava_vpr.season.table import GainTable
+from lava_vpr.season.table import GainTable, map_of
 from lava_vpr.storage import container
 from lava_vpr.traverse import open_traverse
 
@@ -210,6 +211,33 @@ def test_another_model_s_table_is_refused(table: Path) -> None:
         assert said.startswith("g.lvpg: was written with another model (other weights or inputs)")
 
 
+def test_a_table_of_the_same_map_in_other_bits_says_so_and_how_to_write_one(table: Path) -> None:
+    run("deploy", "m.lvpr", "--target", "loihi2", "--weight-bits", 2, "-o", "b")
+    run("query", "b", "query", "--learn", "--motion", "any", "-o", "b.csv", "--gains", "h.lvpg")
+    for model, other in (("b", table), ("m.lvpr", "h.lvpg")):
+        for command in ("query", "eval", "verify"):
+            assert fails(command, model, "query", "--replay", other) == (
+                f"{other}: was written with another network of the same map (deploy changes bits, pruning and "
+                "inhibition); write it again with this model, or with the bundle that deploy makes without --replay: "
+                "query --learn --gains"
+            )
+    run("deploy", "m.lvpr", "--target", "loihi2", "--weight-bits", 2, "-o", "b", "--replay", "h.lvpg")
+    run("query", "b", "query", "--replay", "b/host/gains.lvpg", "--motion", "any", "-o", "again.csv")
+    assert Path("again.csv").read_bytes() == Path("b.csv").read_bytes()
+
+
+def test_a_map_that_learned_otherwise_is_another_model(table: Path) -> None:
+    model = integer_model(load("m.lvpr"), "a test")
+    same = dataclasses.replace(model, config=update(model.config, {"network": {"prune": 0.5}}))
+    assert map_of(same) == map_of(model) == gain_table.load(table).map_of
+    others = (
+        {"config": update(model.config, {"seed": 1})},
+        {"activity": model.activity * np.float32(2)},
+        {"stretches": (*model.stretches, *model.stretches)},
+    )
+    assert len({map_of(dataclasses.replace(model, **other)) for other in others} | {map_of(model)}) == 4
+
+
 def test_a_file_that_is_no_table_is_named(table: Path) -> None:
     words = ("query", "m.lvpr", "query", "--replay", table)
     whole = table.read_bytes()
@@ -224,8 +252,9 @@ def test_a_file_that_is_no_table_is_named(table: Path) -> None:
     ):
         container.save(table, "gain table", header, {**arrays, **change})
         assert f"g.lvpg: the gain table has no valid {what}" in fails(*words)
-    container.save(table, "gain table", {**header, "network_of": "x"}, arrays)
-    assert "g.lvpg: the gain table has no valid network_of; write it again" in fails(*words)
+    for name in ("network_of", "map_of"):
+        container.save(table, "gain table", {**header, name: "x"}, arrays)
+        assert f"g.lvpg: the gain table has no valid {name}; write it again" in fails(*words)
     container.save(table, "gain table", header, {**arrays, "bias": arrays["bias"][:, 1:]})
     assert fails(*words).startswith("g.lvpg: does not hold what its model takes (biases of type int32 and shape (8, 7)")
     container.save(table, "gain table", header, {**arrays, "gains": arrays["gains"][:, 1:]})

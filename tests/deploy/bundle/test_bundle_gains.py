@@ -205,7 +205,16 @@ def facts(**values: Any) -> Callable[[dict[str, Any], dict[str, bytes]], object]
 
 
 CHANGES: Mapping[str, tuple[Callable[[dict[str, Any], dict[str, bytes]], object], type[LavaVprError], str]] = {
-    "another network": (with_table(network_of="0" * 64), BundleError, f"b/{TABLE}: was written with another model"),
+    "another model": (
+        with_table(network_of="0" * 64, map_of="0" * 64),
+        BundleError,
+        f"b/{TABLE}: was written with another model",
+    ),
+    "another network": (
+        with_table(network_of="0" * 64),
+        BundleError,
+        f"b/{TABLE}: was written with another network of the same map",
+    ),
     "no table": (lambda _, files: files.update({TABLE: b"x"}), ModelFileError, f"b/{TABLE}: "),
     "another seed": (facts(seed=5), BundleError, "b/manifest.json: what it says of gains is not what"),
     "fewer queries": (facts(queries=5), BundleError, "b/manifest.json: what it says of gains"),
@@ -233,6 +242,6 @@ def test_deploy_refuses_what_the_board_cannot_replay(model: IntegerModel) -> Non
     assert "no.lvpg: the gain table is damaged" in fails("deploy", "m.lvpr", *words, "no.lvpg")
     assert "none.lvpg: the gain table cannot be read" in fails("deploy", "m.lvpr", *words, "none.lvpg")
     said = fails("deploy", "m.lvpr", *words, "g.lvpg", "--prune", "0.5")
-    assert said.startswith("g.lvpg: was written with another model (other weights or inputs)")
+    assert said.startswith("g.lvpg: was written with another network of the same map (deploy changes bits, pruning")
     assert "g.lvpg: is also an input" in fails("deploy", "m.lvpr", *words, "g.lvpg", "--json", "g.lvpg")
     assert content(Path()) == before
