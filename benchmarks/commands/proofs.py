@@ -60,8 +60,8 @@ PROOFS: Mapping[str, Sequence[Proof]] = {
             r"(\d+ networks)",
         ),
         Proof(
-            "brian2-loihi (it has no biases) and nengo-loihi's emulator, every spike and membrane; what differs beyond "
-            "the arithmetic that all define alike is explained by named rules",
+            "brian2-loihi (it has no biases) and nengo-loihi's emulator, real queries under gains among them, every "
+            "spike and membrane; what differs beyond the arithmetic that all define alike is explained by named rules",
             "python -m benchmarks oracles.compare",
             r"(\S+: \d+ networks)",
         ),

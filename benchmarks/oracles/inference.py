@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.learning.replayed import gained
 from benchmarks.oracles.problems import (
     EXCITATORY,
     INHIBITORY,
@@ -21,10 +22,11 @@ from benchmarks.oracles.problems import (
     engine_result,
 )
 from benchmarks.places import encoded, learn
+from lava_vpr.backends.interface import query_presentations
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT
-from lava_vpr.encoding import draw_trains, query_rates16
+from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import (
     FAN_IN,
     FixedNetwork,
@@ -32,10 +34,10 @@ from lava_vpr.engine.inference.fixed import (
     count_spikes,
     inhibitory_spikes,
 )
-from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import InputError
 from lava_vpr.loihi import NO_MEMORY_DECAY, WEIGHT_BITS, WEIGHT_LIMIT
-from lava_vpr.model import integer_model
+from lava_vpr.model import IntegerModel, integer_model
 
 
 class Made(NamedTuple):
@@ -121,17 +123,24 @@ def inference_problem(name: str, network: FixedNetwork, rates: NDArray[np.uint16
 
 
 def inference(
-    group: str, network: FixedNetwork, rates: NDArray[np.uint16], keys: NDArray[np.uint64]
+    group: str,
+    network: FixedNetwork,
+    rates: NDArray[np.uint16],
+    keys: NDArray[np.uint64],
+    bias: NDArray[np.int32] | None = None,
 ) -> tuple[Problem, Result]:
     """The inference network; both of our engines have to agree on it first.
 
+    Args:
+        group, network, rates, keys: As in `inference_problem`.
+        bias: Biases of the one presentation, int32 (1, neurons); None: the network's own.
     Raises:
         InputError: they do not.
     """
     network.check()
-    problem = inference_problem(group, network, rates, keys)
+    problem = inference_problem(group, network if bias is None else replace(network, bias=bias[0]), rates, keys)
     expected = engine_result(problem)
-    _, _, film = count_spikes(network, rates, keys, raster=True)
+    _, _, film = count_spikes(network, rates, keys, bias=bias, raster=True)
     both = np.concatenate([film, inhibitory_spikes(network, film)], axis=2)
     if not np.array_equal(both, expected.spikes[:, :, : both.shape[2]]):
         raise InputError(f"{group}: the inference engine and the step kernels differ; mend them first")
@@ -176,29 +185,32 @@ def small_inference(bias: bool = True) -> list[tuple[Problem, Result]]:
 
 
 @cache
-def real_networks() -> dict[int, FixedNetwork]:
-    """The networks trained on real images, by the bits of their weights.
+def real_models() -> dict[int, IntegerModel]:
+    """Models trained on real images, by the bits of their weights.
 
     Raises:
         InputError: LAVA_VPR_DATA does not name the images.
     """
     configs = {bits: update(preset("loihi"), {"network": {"weight_bits": bits}}) for bits in (3, 7)}
-    return {bits: integer_model(learn((0, 100), config), "the comparison").network for bits, config in configs.items()}
+    return {bits: integer_model(learn((0, 100), config), "the comparison") for bits, config in configs.items()}
 
 
 def real_inference(queries: int, bias: bool) -> list[tuple[Problem, Result]]:
     """Real networks and real queries, one a case; with 3 bits, then fewer with 7. Without ``bias`` theirs are left out.
 
+    As many again are presented under the gains that a drive over all places had learned by then, with biases of each.
+
     Raises:
         InputError: LAVA_VPR_DATA does not name the images.
     """
-    made, config = [], preset("loihi")
-    for (bits, network), count in zip(real_networks().items(), (queries, max(1, queries // 4)), strict=True):
-        shown = network if bias else replace(network, bias=np.zeros_like(network.bias))
-        images = encoded("winter", config.encoder).take(slice(0, count))
-        rates = query_rates16(images.activity, config.encoder)
-        keys = presentation_keys(config.seed, "query", image_keys(rates))
-        group = f"inference, real queries, {bits} bits{'' if bias else ', no biases'}"
-        for i in range(len(images)):
-            made.append(inference(group, shown, rates[i : i + 1], keys[i : i + 1]))
+    made = []
+    for (bits, model), count in zip(real_models().items(), (queries, max(1, queries // 4)), strict=True):
+        network = model.network if bias else replace(model.network, bias=np.zeros_like(model.network.bias))
+        images = encoded("winter", model.config.encoder).take(slice(0, model.places))
+        plain = query_presentations(model, images.take(slice(0, count)))
+        for asked, shown in (("real queries", plain), ("real queries under gains", gained(model, images, count))):
+            group = f"inference, {asked}, {bits} bits{'' if bias else ', no biases'}"
+            for i in range(count):
+                own = shown.part(slice(i, i + 1))
+                made.append(inference(group, network, own.rates, own.keys, own.bias if bias else None))
     return made

@@ -13,11 +13,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from hypothesis import given, settings, strategies as st
+from support.common.commands import run
+from support.common.teaching import teach_quickly
 
 from benchmarks import program
+from benchmarks.learning.replayed import gained
 from benchmarks.oracles import compare as oracles
 from benchmarks.oracles.compare import OracleCase, ask, failures, judge
-from benchmarks.oracles.inference import SMALL, inference_problem, made_up, small_inference
+from benchmarks.oracles.inference import SMALL, inference, inference_problem, made_up, small_inference
 from benchmarks.oracles.networks import DIALECTS, edge_networks, is_common, random_networks, reaches_limits
 from benchmarks.oracles.problems import (
     SIGNS,
@@ -30,8 +33,13 @@ from benchmarks.oracles.problems import (
 )
 from benchmarks.oracles.rules import RULES, complement, explain, literal, synapse_weights, truncated
 from benchmarks.program import python_of
+from lava_vpr import load
+from lava_vpr.encoding import encode_traverse
 from lava_vpr.engine.general.lif import stored_weights
+from lava_vpr.engine.random import image_keys
 from lava_vpr.errors import InputError
+from lava_vpr.season import table as gain_table
+from lava_vpr.traverse import open_traverse
 
 SIMULATORS = list(RULES)
 EACH_RULE = [(simulator, rule) for simulator, rules in RULES.items() for rule in rules]
@@ -192,6 +200,29 @@ def test_an_input_that_integrates_a_bias_is_no_problem_of_injected_spikes() -> N
     network = replace(made_up(next(made for made in SMALL if made.regular), True), bias_input=True)
     with pytest.raises(InputError, match=r"^x: its inputs integrate a bias, .*; set network\.input_mode$"):
         inference_problem("x", network, np.zeros((1, network.inputs), np.uint16), np.ones(1, np.uint64))
+
+
+def test_biases_of_a_presentation_take_the_place_of_the_networks() -> None:
+    made = next(made for made in SMALL if made.signed)
+    network, plain = made_up(made, True), made_up(made, False)
+    rates, keys = np.full((1, network.inputs), 9000, np.uint16), np.ones(1, np.uint64)
+    own = inference("x", network, rates, keys)[1]
+    assert not inference("x", plain, rates, keys, network.bias[None])[1].differs(own)
+    assert inference("x", plain, rates, keys)[1].differs(own)
+
+
+def test_queries_under_gains_are_those_that_query_learn_presents(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    teach_quickly(monkeypatch)
+    run("query", "m.lvpr", "query", "--learn", "-o", "q.csv", "--gains", "g.lvpg")
+    model, table = load("m.lvpr"), gain_table.load("g.lvpg")
+    drive = encode_traverse(open_traverse("query"), model.config.encoder)
+    shown, epochs = gained(model, drive, 3), table.epoch.tolist()
+    under = [query for query, epoch in enumerate(epochs) if epoch]
+    chosen = [under[0], under[(len(under) - 1) // 2], under[-1]]
+    assert len({epochs[query] for query in chosen}) == 3
+    assert np.array_equal(image_keys(shown.seen), table.images[chosen])
+    assert np.array_equal(shown.bias, table.bias[chosen])
+    assert (shown.rates != shown.seen).any(axis=1).all()
 
 
 def stand_in(folder: Path, body: str, monkeypatch: pytest.MonkeyPatch) -> None:

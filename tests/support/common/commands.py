@@ -1,7 +1,7 @@
 """Running commands in tests, on a small synthetic route.
 
-Used by backends, bench, cli, conftest, core, deploy, events, examples, exchange, learning, paper_table, studies,
-training and vectors.
+Used by backends, bench, benchmarks, cli, conftest, core, deploy, events, examples, exchange, learning, paper_table,
+studies, training and vectors.
 """
 
 from __future__ import annotations

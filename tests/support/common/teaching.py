@@ -1,4 +1,4 @@
-"""Answers that teach on a drive of a few images. Used by backends, bench, cli and deploy."""
+"""Answers that teach on a drive of a few images. Used by backends, bench, benchmarks, cli and deploy."""
 
 from __future__ import annotations
 
