@@ -1,8 +1,8 @@
 """Gains of inputs in Lava as functions of arrays and options, to be called in a process of their own.
 
 Each takes ``arrays``: ``digits`` uint16 (n, digits, inputs) of `lava_vpr.engine.gains.Digits`, ``gains`` uint8 (epochs,
-inputs), and ``epoch`` int32 (n,) of each query, which rises; and ``options``: ``tag``. Each returns ``gained``, the
-products, int64 (n, digits, inputs).
+inputs), and the ``epoch`` of each query, int32 (n,), in any order; and ``options``: ``tag``. Each returns ``gained``,
+the products, int64 (n, digits, inputs).
 """
 
 from __future__ import annotations
