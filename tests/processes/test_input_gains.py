@@ -7,8 +7,10 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from support.lava.small_networks import FIXED, FLOAT, Runs, hold_in_lava, random_drive, random_network
 
 from lava_vpr.engine.gains import FULL, Digits, digits_of
+from lava_vpr.engine.inference.fixed import count_spikes
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.isolated.runner import run_isolated
@@ -19,6 +21,7 @@ pytestmark = pytest.mark.lava
 JOBS = ("composed", "library")
 ALL = [(job, tag) for job in JOBS for tag in ("fixed_pt", "floating_pt")]
 INPUTS = 40
+RATES = ("plain", "rates")
 TINY = FrontEnd(8, budget=12)
 
 
@@ -82,6 +85,37 @@ def test_the_cells_of_a_front_end_send_spikes_to_gains(job: str) -> None:
     counts = TINY.trains(grey)["cells"].sum(axis=1, dtype=np.int64)
     assert (counts > 1).any(axis=1).all()
     assert np.array_equal(gained, counts * row)
+
+
+def hold_under_gains(seeds: range, runs: Runs, n: int) -> tuple[int, int]:
+    """Random networks in Lava, ``n`` presentations under random gains, from activity to spikes; how many products and
+    spikes are equal."""
+    cases = {}
+    for seed in seeds:
+        ways = {"signed": seed % 3 > 0, "regular": seed % 4 > 0, "bias_input": seed % 4 == 2}
+        network = random_network(1 + seed % 7, seed, **ways)
+        cases[f"n{seed}"] = network, random_drive(network, seed, n), runs
+    got = hold_in_lava(cases)
+    for network, shown, _ in cases.values():
+        plain, under = (count_spikes(network, shown[name], shown["keys"], bias=shown["biases"])[0] for name in RATES)
+        assert (plain != under).any()
+    spikes = sum(int(got[f"{name}_composed_fixed_pt_{which}"].sum()) for name in cases for which in ("exc", "inputs"))
+    return sum(shown["digits"].size for _, shown, _ in cases.values()), spikes
+
+
+def test_a_random_network_under_random_gains_is_the_hosts() -> None:
+    products, spikes = hold_under_gains(range(1), FIXED[1:], 2)
+    assert products == 2 * 2 * 49
+    assert spikes > 100
+
+
+@pytest.mark.slow
+def test_many_random_networks_under_random_gains_are_the_hosts(capsys: pytest.CaptureFixture[str]) -> None:
+    found = [hold_under_gains(range(first, first + 4), FIXED + FLOAT, 4) for first in range(2, 26, 4)]
+    products, spikes = (sum(numbers) for numbers in zip(*found, strict=True))
+    with capsys.disabled():
+        print(f"\n{4 * len(found)} networks under gains, {products:,} products, {spikes:,} spikes")
+    assert spikes > 10_000
 
 
 def test_activity_is_its_digits() -> None:

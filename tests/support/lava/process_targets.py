@@ -12,13 +12,15 @@ from lava.magma.core.process.ports.ports import InPort, OutPort
 from numpy.typing import NDArray
 from support.lava.small_networks import limits, part
 
+from lava_vpr.encoding import rates16
+from lava_vpr.engine.gains import FULL, Digits
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
 from lava_vpr.processes.encoders.process import BiasInputs, PoissonEncoder
 from lava_vpr.processes.front_end.process import FrontEndNetwork
 from lava_vpr.processes.input_gains.process import InputGains
-from lava_vpr.processes.jobs import inference as jobs
+from lava_vpr.processes.jobs import gains as gain_jobs, inference as jobs
 from lava_vpr.processes.lif.process import ExcitatoryLIF
 from lava_vpr.processes.networks.process import PlaceNetwork
 from lava_vpr.processes.spike_counter.process import SpikeCounter
@@ -39,10 +41,21 @@ def networks(arrays: Arrays, options: dict[str, Any]) -> Arrays:
     with limits(**options["limits"]):
         for name, own in options["networks"].items():
             for job, tag in options["runs"][name]:
-                got = getattr(jobs, job)(part(arrays, name), {**own, "tag": tag, "record": True})
-                results |= _named(f"{name}_{job}_{tag}", got)
+                given = part(arrays, name)
+                gained = _under_gains(given, job, tag) if "digits" in given and job != "fused" else {}
+                got = getattr(jobs, job)(given | gained, {**own, "tag": tag, "record": True})
+                results |= _named(f"{name}_{job}_{tag}", got | gained)
     board = options.get("board")
     return results | (_as_on_a_board(part(arrays, board), options["networks"][board]) if board else {})
+
+
+def _under_gains(given: Arrays, job: str, tag: str) -> Arrays:
+    """Rates of a `small_networks.random_drive`, and the products in Lava that they follow from."""
+    gained = getattr(gain_jobs, job)(given, {"tag": tag})["gained"]
+    activity = Digits(given["digits"], given["exponents"]).activity(gained)
+    lessened, rates = (given["gains"][given["epoch"]] < FULL).any(axis=1), given["plain"].copy()
+    rates[lessened] = rates16(activity[lessened], *given["encoder"].tolist())
+    return {"rates": rates, "gained": gained}
 
 
 def _named(name: str, results: Arrays) -> Arrays:

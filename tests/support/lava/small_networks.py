@@ -14,7 +14,11 @@ from unittest import mock
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.encoding import draw_trains
+from lava_vpr.backends.interface import Presentations
+from lava_vpr.backends.teaching import under_gains
+from lava_vpr.config import EncoderConfig
+from lava_vpr.encoding import EncodedTraverse, draw_trains, query_rates16
+from lava_vpr.engine.gains import FULL, digits_of
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.biases import bias_registers
 from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork, count_spikes, inhibitory_spikes
@@ -74,11 +78,43 @@ def random_network(bits: int, seed: int = 0, **changes: Any) -> FixedNetwork:
     return network if "bias" in changes else replace(network, bias=random_bias(rng, network))
 
 
+def random_drive(network: FixedNetwork, seed: int, n: int) -> Arrays:
+    """``n`` presentations under random gains and biases, and what their rates follow from.
+
+    Every second seed has whole activity, as cells of a front end send it, else of all sizes. Gains of the first epoch
+    are full, and those of the last mostly 0; an epoch may come again.
+
+    Returns:
+        Presentations as backends are given them, ``rates``, ``keys`` and ``biases``, and what `LavaBackend` is given
+        besides: ``digits`` (n, digits, inputs), their ``exponents`` (n, inputs), ``gains`` (epochs, inputs), the
+        ``epoch`` (n,) of each, ``plain`` rates (n, inputs) and the ``encoder``'s query_spikes and query_inputs.
+    """
+    rng = np.random.default_rng([seed, 7])
+    shape = (n, network.inputs)
+    activity = rng.integers(0, 40, shape) if seed % 2 else rng.random(shape) ** 6 * 4 * 2.0 ** rng.integers(-9, 9)
+    activity = (activity * (rng.random(shape) < 0.9)).astype(np.float32)
+    gains = np.stack([np.full(network.inputs, FULL), *rng.integers(0, FULL + 1, (2, network.inputs))])
+    gains[2, rng.random(network.inputs) < 0.6] = 0
+    epoch = rng.permutation(np.arange(n) % len(gains)).astype(np.int32)
+    encoder = EncoderConfig(query_inputs=int(rng.integers(10, 40)), query_spikes=int(rng.integers(3, 9)))
+    views = [EncodedTraverse(tuple(map(str, range(n))), np.arange(n), activity)]
+    plain, bias = query_rates16(activity, encoder), np.stack([random_bias(rng, network) for _ in range(n)])
+    gains = gains.astype(np.uint8)
+    (shown,) = under_gains([Presentations(plain, seed)], views, gains[epoch], bias, encoder)
+    whole = digits_of(activity)
+    return {
+        **{"rates": shown.rates, "keys": shown.keys, "biases": bias, "plain": plain, "gains": gains, "epoch": epoch},
+        **{"digits": whole.digits, "exponents": whole.exponents},
+        "encoder": np.array([encoder.query_spikes, encoder.query_inputs]),
+    }
+
+
 def hold_in_lava(cases: dict[str, tuple[FixedNetwork, Arrays, Runs]], **options: Any) -> Arrays:
     """Run networks in Lava, each in its runs, and hold every run against the host.
 
     Args:
-        cases: By name a network, its ``rates``, ``keys`` and maybe ``biases``, and its runs.
+        cases: By name a network, its ``rates``, ``keys`` and maybe ``biases``, and its runs; of a `random_drive` rates
+            follow from products of activity and gains, which are made in Lava, too, but for the fused job.
         options: Those of `process_targets.networks`.
     Returns:
         What that returns.
@@ -93,7 +129,10 @@ def hold_in_lava(cases: dict[str, tuple[FixedNetwork, Arrays, Runs]], **options:
     done: list[int] = []
     got = run_isolated("support.lava.process_targets:networks", arrays, given, timeout=240, progress=done.append)
     boards = [options["board"]] if "board" in options else []
-    expected = sum(len(shown["keys"]) * len(runs) for _, shown, runs in cases.values())
+    expected = sum(
+        len(shown["keys"]) * (len(runs) + ("digits" in shown) * sum(job != "fused" for job, _ in runs))
+        for _, shown, runs in cases.values()
+    )
     assert sum(done) == expected + sum(len(cases[name][1]["keys"]) for name in boards)
     for name, case in cases.items():
         _hold_runs(*case, part(got, name))
@@ -121,6 +160,10 @@ def _hold_runs(network: FixedNetwork, shown: Arrays, runs: Runs, got: Arrays) ->
             assert dict(zip(EVENTS, one["events"].tolist(), strict=True)) == events
             assert "inh" not in one
             continue
+        if "digits" in shown:
+            products = shown["digits"].astype(np.int64) * shown["gains"][shown["epoch"]][:, None]
+            assert np.array_equal(one["gained"], products), (job, tag)
+            assert np.array_equal(one["rates"], rates), (job, tag)
         trains = {"inputs": inputs, "inh": inhibitory_spikes(network, one["exc"])}
         for key, numbers in (("inputs", "input_spikes"), ("inh", "inh_spikes")):
             assert np.array_equal(one[key], trains[key]), (job, tag, key)
