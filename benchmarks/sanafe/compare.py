@@ -3,11 +3,11 @@
     [LAVA_VPR_DATA=...] python -m benchmarks sanafe.compare [--queries N] [--random N]      (`make sanafe` sets it up)
 
 Real: models of summer images as they are deployed on Kapoho Bay, asked winter images: the default preset with 100 and
-500 places, preset fast, other bits, pruned, without signs, Poisson trains, input compartments. Random: networks of a
-few dozen neurons on boards shrunk until they need many cores and tiles, and scattered over the mesh of both chips; half
-of them signed, with biases; one so large that spikes are injected through relays, and one whose inhibitory neuron has
-leaves. All figures are modelled. Fails where energy or ``simple`` time is apart by more than 1e-6, in any step, or
-where SANA-FE's own spikes or counts are not ours.
+500 places, preset fast, other bits, pruned, without signs, Poisson trains, input compartments, under gains that a drive
+learned. Random: networks of a few dozen neurons on boards shrunk until they need many cores and tiles, and scattered
+over the mesh of both chips; half of them signed, with biases, some with others in each query; one so large that spikes
+are injected through relays, and one whose inhibitory neuron has leaves. All figures are modelled. Fails where energy or
+``simple`` time is apart by more than 1e-6, in any step, or where SANA-FE's own spikes or counts are not ours.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.learning.replayed import gained
 from benchmarks.places import encoded, learn, required
 from benchmarks.program import Printed, program, verdict
 from benchmarks.sanafe.cross_check import CrossCheck, cross_check, find_sanafe
-from lava_vpr.backends.interface import HostBackend, query_presentations
+from lava_vpr.backends.interface import HostBackend, Presentations, query_presentations
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
@@ -34,7 +35,7 @@ from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork, count_spikes, inhibitory_spikes
-from lava_vpr.engine.inference.quantise import biases_of
+from lava_vpr.engine.inference.quantise import RATE_UNIT, biases_of
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import InputError
@@ -53,20 +54,25 @@ MANY = {8: 4_200, 22: 1_100}
 
 @dataclass(frozen=True)
 class SanafeCase:
-    """A plan and spikes that are compared; `benchmarks.sanafe.cross_check.cross_check` has ``input_core``."""
+    """A plan and spikes that are compared; `cross_check` has ``input_core`` and ``bias``."""
 
     name: str
     plan: Plan
     trains: Trains
     input_core: bool = True
+    bias: NDArray[np.int32] | None = None
 
 
 def real(name: str, model: Model, queries: int) -> SanafeCase:
     """A model on Kapoho Bay, and winter images spread over its places."""
     chosen = np.linspace(0, model.places - 1, queries).astype(np.int64)
     images = encoded("winter", model.config.encoder).take(chosen)
-    trains = HostBackend().trains(model, query_presentations(model, images))
-    return SanafeCase(name, plan_of(model, KAPOHO_BAY), trains)
+    return presented(name, model, query_presentations(model, images))
+
+
+def presented(name: str, model: Model, shown: Presentations) -> SanafeCase:
+    """A model on Kapoho Bay, and what it is shown."""
+    return SanafeCase(name, plan_of(model, KAPOHO_BAY), HostBackend().trains(model, shown), bias=shown.bias)
 
 
 def real_cases(queries: int) -> Iterator[SanafeCase]:
@@ -87,6 +93,9 @@ def real_cases(queries: int) -> Iterator[SanafeCase]:
     for name, model in (("100", small), ("500", large)):
         made = for_board(model, KAPOHO_BAY, Changes(input_mode="bias")).model
         yield real(f"{name} places, input compartments", made, queries)
+        drive = encoded("winter", model.config.encoder).take(slice(0, model.places))
+        yield presented(f"{name} places, under gains", model, gained(model, drive, queries))
+        yield presented(f"{name} places, input compartments, under gains", made, gained(made, drive, queries))
 
 
 def random_network(seed: int, rng: np.random.Generator, rates: NDArray[np.uint16], neurons: int) -> FixedNetwork:
@@ -132,14 +141,18 @@ def random_case(seed: int, queries: int = 2) -> SanafeCase:
     if seed % 3 == 0:
         plan = scattered(plan, rng)
     keys = presentation_keys(seed, "query", image_keys(rates))
-    _, _, exc = count_spikes(made, rates, keys, raster=True)
+    bias = None
+    if made.signed and seed % 3 == 1:
+        bias = biases_of(made.drives(rates) / RATE_UNIT * rng.integers(0, 3, (queries, neurons)), made.highest_bias)
+    _, _, exc = count_spikes(made, rates, keys, bias=bias, raster=True)
     spikes = draw_trains(rates, keys, made.steps, made.interval, regular=made.regular)
     kind = "input compartments" if made.bias_input else "through relays" if made.relayed else "injected"
     kind = ("signed, " if made.signed else "") + kind + (", leaves" if made.leaves else "")
+    kind += "" if bias is None else ", biases of each query"
     if seed % 3 == 0:
         kind += ", scattered"
     name = f"random {seed}: {neurons:,} neurons on {len(plan.cores)} cores, {kind}"
-    return SanafeCase(name, plan, Trains(exc, spikes, inhibitory_spikes(made, exc)), input_core=seed % 4 < 2)
+    return SanafeCase(name, plan, Trains(exc, spikes, inhibitory_spikes(made, exc)), seed % 4 < 2, bias)
 
 
 def scattered(plan: Plan, rng: np.random.Generator) -> Plan:
@@ -204,7 +217,7 @@ def main(queries: int, count: int) -> Printed:
     cases += [random_case(seed, queries) for seed in (*SEEDS, *range(100, 100 + count))]
     bad, largest, lines, first = list[str](), 0.0, list[list[str]](), set[int]()
     for case in cases:
-        checked = cross_check(case.plan, case.trains, input_core=case.input_core)
+        checked = cross_check(case.plan, case.trains, input_core=case.input_core, bias=case.bias)
         bad += [f"{case.name}: {line}" for line in failures(case, checked)]
         if not checked.absent:
             first.add(len(lines))

@@ -303,7 +303,15 @@ def closed_form(
     )
 
 
-def compare(plan: Plan, trains: Trains, answer: dict[str, Any], *, input_core: bool, tiles: int) -> CrossCheck:
+def compare(
+    plan: Plan,
+    trains: Trains,
+    answer: dict[str, Any],
+    *,
+    input_core: bool,
+    tiles: int,
+    bias: NDArray[np.int32] | None = None,
+) -> CrossCheck:
     """SANA-FE's answer beside the closed form.
 
     Args:
@@ -311,12 +319,13 @@ def compare(plan: Plan, trains: Trains, answer: dict[str, Any], *, input_core: b
         answer: What `ask` returned.
         input_core: As in `cross_check`.
         tiles: Tiles that hold a neuron in SANA-FE.
+        bias: As in `cross_check`.
     Raises:
         BackendUnavailableError: it is no answer to this problem.
     """
     plan = without_counters(plan)
     theirs = _read(answer, plan, trains)
-    events, constants = count_events(plan, trains, entry=(0, 0)), plan.board.constants
+    events, constants = count_events(plan, trains, entry=(0, 0), bias=bias), plan.board.constants
     ours = closed_form(events, constants, tiles=tiles, input_core=input_core)
     nothing = np.zeros(events.queries)
     energy = {**ours.microjoules, "dendrite": nothing, "total": ours.total_microjoules}
@@ -352,6 +361,7 @@ def cross_check(
     *,
     python: Path | None = None,
     input_core: bool = True,
+    bias: NDArray[np.int32] | None = None,
     timeout_s: float = TIMEOUT_S,
 ) -> CrossCheck:
     """Hold the closed form against SANA-FE on some queries.
@@ -362,6 +372,7 @@ def cross_check(
         python: The Python that has SANA-FE; None: what `find_sanafe` finds.
         input_core: Injected spikes take the one core that sends them the time of any core's messages, as SANA-FE has
             it; else none, as the cost model has it, which knows a host.
+        bias: Biases of the neurons in each query, int32 (n, neurons); None: always the network's.
         timeout_s: For SANA-FE.
     Returns:
         The comparison; with ``absent`` where there is none to make, whatever happened to the other process.
@@ -370,7 +381,7 @@ def cross_check(
     if python is None:
         return CrossCheck(absent=_missing())
     try:
-        problem = problem_of(plan, trains, input_core=input_core)
+        problem = problem_of(plan, trains, input_core=input_core, bias=bias)
         synapses = sum(len(row["pre"]) for row in problem["synapses"])
         if synapses > MOST_SYNAPSES:
             return CrossCheck(
@@ -379,6 +390,6 @@ def cross_check(
             )
         answer = ask(python, problem, timeout_s)
         tiles = len({group["tile"] for group in problem["groups"]})
-        return compare(plan, trains, answer, input_core=input_core, tiles=tiles)
+        return compare(plan, trains, answer, input_core=input_core, tiles=tiles, bias=bias)
     except BackendUnavailableError as error:
         return CrossCheck(absent=str(error))

@@ -7,7 +7,8 @@
                  "own_biases": [[index, bias]] that stay}],
      "synapses": [{"from", "to": groups, "kind": "dense" | "sparse", "pre", "post", "weights"}],
      "queries": [{"trains": [[group, index, [0 | 1, ...]]],
-                  "biases": [[group, index, bias, potential]] that are 0 in the silent steps}]}
+                  "biases": [[group, index, bias, potential]] that are 0 in the silent steps,
+                  "own_biases": [[group, index, bias]] that take the place of those of the groups}]}
 
 Groups stand in the order of each core's compartments. A unit of weight, threshold, bias and potential is 2^6 of v.
 SANA-FE's soma computes v' = trunc(v keep) + bias + sum with doubles that hold every number of ours exactly, so its exc
@@ -197,8 +198,8 @@ def bias_and_membrane(train: NDArray[Any]) -> tuple[int, int]:
     return bias, biases.LEVEL - first * bias
 
 
-def _query(plan: Plan, inputs: NDArray[np.uint8]) -> dict[str, Any]:
-    """The trains and biases that play in one query; ``inputs`` (interval, inputs)."""
+def _query(plan: Plan, inputs: NDArray[np.uint8], own: NDArray[np.int32] | None) -> dict[str, Any]:
+    """The trains and biases that play in one query; ``inputs`` (interval, inputs), ``own`` biases (neurons,)."""
     trains, biases, unit = [], [], 1 << INPUT_SHIFT
     if not plan.network.bias_input:
         for j in np.flatnonzero(inputs.any(axis=0)).tolist():
@@ -208,21 +209,27 @@ def _query(plan: Plan, inputs: NDArray[np.uint8]) -> dict[str, Any]:
         for n in range(part.size if plan.network.bias_input else 0):
             bias, membrane = bias_and_membrane(inputs[: plan.network.steps, part.first + n])
             biases.append([name, n, bias / unit, membrane / unit])
-    return {"trains": trains, "biases": biases}
+    of_exc = () if own is None else _parts(plan, "exc")
+    owned = [[name, n, float(own[part.first + n]) / unit] for name, part in of_exc for n in range(part.size)]
+    return {"trains": trains, "biases": biases, "own_biases": owned}
 
 
-def problem_of(plan: Plan, trains: Trains, *, input_core: bool = True) -> dict[str, Any]:
+def problem_of(
+    plan: Plan, trains: Trains, *, input_core: bool = True, bias: NDArray[np.int32] | None = None
+) -> dict[str, Any]:
     """The JSON of a plan and its queries, as the module's docstring describes it.
 
     Args:
         plan: Where the network stands, on a Loihi 1 board.
         trains: Every spike.
         input_core: Sending injected spikes takes the port the time that it takes any core; else none.
+        bias: Biases of the neurons in each query, int32 (n, neurons); None: always the network's.
     Raises:
         BackendUnavailableError: SANA-FE cannot be asked this.
     """
     mesh, plan = mesh_of(plan, trains), without_counters(plan)
     groups = _groups(plan, mesh)
+    queries = () if trains.inputs is None else trains.inputs
     return {
         "columns": plan.board.chips * mesh.columns,
         "rows": mesh.rows,
@@ -234,5 +241,5 @@ def problem_of(plan: Plan, trains: Trains, *, input_core: bool = True) -> dict[s
         "silent_steps": plan.network.silent_steps,
         "groups": groups,
         "synapses": _synapses(plan),
-        "queries": [_query(plan, inputs) for inputs in (trains.inputs if trains.inputs is not None else ())],
+        "queries": [_query(plan, inputs, None if bias is None else bias[q]) for q, inputs in enumerate(queries)],
     }

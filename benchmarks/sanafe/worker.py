@@ -89,6 +89,8 @@ def play(chip: Any, groups: Any, problem: dict[str, Any], query: dict[str, Any],
     """One query from rest. Membranes and currents are reset after it; a train that is set starts from its beginning."""
     for name, index, train in query["trains"]:
         groups[name][index].set_attributes(model_attributes={"spikes": train})
+    for name, index, bias in query["own_biases"]:
+        groups[name][index].set_attributes(model_attributes={"bias": bias})
     for name, index, bias, potential in query["biases"]:
         groups[name][index].set_attributes(model_attributes={"bias": bias, "potential": potential})
     parts = [chip.sim(problem["steps"], timing, 1, 0, perf_trace=True, spike_trace=True)]

@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 from support.common import children
 
-from benchmarks.places import learn
+from benchmarks.learning.replayed import gained
+from benchmarks.places import encoded, learn
 from benchmarks.sanafe import cross_check as checking, worker
-from benchmarks.sanafe.compare import LIMIT, SEEDS, SanafeCase, failures, random_case, real
+from benchmarks.sanafe.compare import LIMIT, SEEDS, SanafeCase, failures, presented, random_case, real
 from benchmarks.sanafe.cross_check import CrossCheck, ask, compare, cross_check, find_sanafe
 from benchmarks.sanafe.problem import PORT, bias_and_membrane, problem_of, without_counters
 from lava_vpr.config import preset
@@ -72,23 +73,26 @@ def standin(folder: Path) -> Path:
 def answer(seed: int) -> dict[str, Any]:
     """Of the stand-in."""
     with tempfile.TemporaryDirectory() as folder:
-        own = case(seed)
-        return ask(standin(Path(folder)), problem_of(own.plan, own.trains, input_core=own.input_core))
+        return ask(standin(Path(folder)), asked(case(seed)))
+
+
+def asked(own: SanafeCase) -> dict[str, Any]:
+    """The problem of a case."""
+    return problem_of(own.plan, own.trains, input_core=own.input_core, bias=own.bias)
 
 
 def again(seed: int, answered: dict[str, Any]) -> CrossCheck:
     """The comparison with ``answered``."""
     own = case(seed)
-    problem = problem_of(own.plan, own.trains, input_core=own.input_core)
-    tiles = len({group["tile"] for group in problem["groups"]})
-    return compare(own.plan, own.trains, answered, input_core=own.input_core, tiles=tiles)
+    tiles = len({group["tile"] for group in asked(own)["groups"]})
+    return compare(own.plan, own.trains, answered, input_core=own.input_core, tiles=tiles, bias=own.bias)
 
 
 @pytest.mark.quick(2)
 @pytest.mark.parametrize("seed", [0, 3, 7, 8, 22, 28])
 def test_the_closed_form_is_what_events_one_by_one_sum_to(seed: int, tmp_path: Path) -> None:
     own = case(seed)
-    found = cross_check(own.plan, own.trains, python=standin(tmp_path), input_core=own.input_core)
+    found = cross_check(own.plan, own.trains, python=standin(tmp_path), input_core=own.input_core, bias=own.bias)
     assert failures(own, found) == []
     assert found.version == "stand-in"
     assert found.queries == 2
@@ -136,6 +140,17 @@ def test_another_spike_is_seen() -> None:
     assert again(0, answered).spikes_differ in (1, 2)
 
 
+@pytest.mark.parametrize("seed", [7, 22])
+def test_biases_of_each_query_take_the_place_of_the_networks(seed: int, tmp_path: Path) -> None:
+    own = case(seed)
+    assert own.bias is not None
+    biased = own.bias != 0
+    assert (biased[0] != biased[1]).any()  # SANA-FE is told that a neuron has no bias any more
+    assert failures(own, again(seed, answer(seed))) == []
+    found = again(seed, ask(standin(tmp_path), problem_of(own.plan, own.trains, input_core=own.input_core)))
+    assert found.spikes_differ
+
+
 def test_what_is_no_number_is_no_agreement() -> None:
     answered = copy.deepcopy(answer(0))
     answered["queries"][0]["sim_time"][3] = float("nan")
@@ -176,7 +191,7 @@ def test_the_random_networks_have_everything() -> None:
         assert any(values), name
         assert not all(values), name
     assert any(network.bias.any() for network in networks)
-    tiles = {count_events(case(seed).plan, case(seed).trains).tiles or 0 for seed in SEEDS}
+    tiles = {count_events(own.plan, own.trains, bias=own.bias).tiles or 0 for own in map(case, SEEDS)}
     assert {1, 2} < tiles  # the barrier's table has 1, 2, 4 and 29
     assert max(tiles) >= 29
 
@@ -315,7 +330,7 @@ def installed() -> Path:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_sanafe_itself_agrees(seed: int) -> None:
     python, own = installed(), case(seed)
-    found = cross_check(own.plan, own.trains, python=python, input_core=own.input_core)
+    found = cross_check(own.plan, own.trains, python=python, input_core=own.input_core, bias=own.bias)
     assert failures(own, found) == []
     assert found.version == "2.2.9"
     assert found.detailed_milliseconds >= found.simple_milliseconds[1] * (1 - LIMIT)
@@ -328,3 +343,13 @@ def test_sanafe_agrees_on_real_images(name: str, places: int, data_root: Path) -
     installed()
     own = real(name, learn((0, places), preset(name)), 2)
     assert failures(own, cross_check(own.plan, own.trains)) == []
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_sanafe_agrees_under_gains(data_root: Path) -> None:
+    installed()
+    model = learn((0, 100), preset("loihi"))
+    drive = encoded("winter", model.config.encoder).take(slice(0, 100))
+    own = presented("loihi", model, gained(model, drive, 2))
+    assert failures(own, cross_check(own.plan, own.trains, bias=own.bias)) == []

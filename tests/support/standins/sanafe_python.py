@@ -39,13 +39,14 @@ class Chip:
         """One query."""
         steps = self.problem["steps"]
         self.trains = {(group, i): train for group, i, train in query["trains"]}
-        self.bias = self.own | {(group, i): bias for group, i, bias, _ in query["biases"]}
+        own = self.own | {(group, i): bias for group, i, bias in query["own_biases"]}
+        self.bias = own | {(group, i): bias for group, i, bias, _ in query["biases"]}
         self.v = dict.fromkeys(self.neurons, 0.0) | {(group, i): v for group, i, _, v in query["biases"]}
         self.sums: dict[Any, float] = {}
         found: dict[str, Any] = defaultdict(list)
         for step in range(steps + self.problem["silent_steps"]):
             if step == steps:
-                self.bias = self.own
+                self.bias = own
             for name, value in self.step(step).items():
                 found[name].append(value)
         found["packets"] = sum(found["packets"])
