@@ -55,6 +55,12 @@ PROOFS: Mapping[str, Sequence[Proof]] = {
             r"(\d+ networks)",
         ),
         Proof(
+            "random networks under random gains and biases: products of activity and gain, rates and every spike, by "
+            "our Processes, Lava's library and the host",
+            f"{SLOW} tests/processes/test_input_gains.py",
+            r"(\d+ networks) under gains, (\S+ products, \S+ spikes)",
+        ),
+        Proof(
             "STDP beside Lava's `LearningDense`, every weight and trace in every step",
             f"{SLOW} tests/engine/test_learning_dense.py",
             r"(\d+ networks)",
@@ -72,7 +78,7 @@ PROOFS: Mapping[str, Sequence[Proof]] = {
             r"(\d+ bundles), (\S+ spikes)",
         ),
         Proof(
-            "closed form of energy and time beside SANA-FE",
+            "closed form of energy and time beside SANA-FE, real queries under gains among them",
             "python -m benchmarks sanafe.compare",
             r"(\d+ networks) .*, (the largest difference is \S+)",
         ),
