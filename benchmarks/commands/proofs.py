@@ -72,8 +72,8 @@ PROOFS: Mapping[str, Sequence[Proof]] = {
             r"(\S+: \d+ networks)",
         ),
         Proof(
-            "registers of bundles for Kapoho Bay, 100 and 500 real places among them, in nengo-loihi's emulator, every "
-            "spike and counter",
+            "registers of bundles for Kapoho Bay in nengo-loihi's emulator, every spike and counter: 100 and 500 real "
+            "places, the gains of a drive, and the spiking front end from pixels on are among them",
             "python -m benchmarks oracles.registers",
             r"(\d+ bundles), (\S+ spikes)",
         ),

@@ -2,17 +2,18 @@
 
     python -m benchmarks oracles.registers [BUNDLE ...] [--presentations N] [--no-real]      (`make oracles` sets it up)
 
-Without BUNDLE: made-up networks on one and on several cores of both chips, and the default model of 100 and of 500
-places (LAVA_VPR_DATA), as `lava-vpr deploy` writes them, real queries. A BUNDLE is run on its own references.
-nengo-loihi (1.1.0, in an environment of its own) gets the core files and the host's tables alone
-(`registers_in_nengo_loihi`) and validates every core as one of its own blocks; every spike of exc and inh must be the
-host's, and every counter hold 128 a spike. Clearing, injection and read-out by the bundle's program are no part of it.
+Without BUNDLE: made-up networks on one and on several cores of both chips and, of real images (LAVA_VPR_DATA) as
+`lava-vpr deploy` writes them, the default model of 100 and of 500 places, of 100 under the gains that a drive learns,
+and of 100 from pixels, the network and its spiking front end. A BUNDLE is run on its own references. nengo-loihi
+(1.1.0, in an environment of its own) gets the core files and the host's tables alone (`registers_in_nengo_loihi`) and
+validates every core as one of its own blocks; every spike of every population must be the host's, and every counter
+hold 128 a spike. What a board's program does to clear, inject, write and read out is no part of it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 
@@ -20,25 +21,34 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.learning.season import LEARNING, answered
 from benchmarks.oracles.inference import Made, made_up
 from benchmarks.oracles.needs import PYTHON
 from benchmarks.places import encoded, learn, required
 from benchmarks.program import Printed, program, run_elsewhere, verdict
+from lava_vpr.backends.asking import PLAINLY, Asker, Asking
+from lava_vpr.backends.interface import query_presentations
 from lava_vpr.config import preset
+from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.bundle.deployment import deploy
+from lava_vpr.deploy.bundle.front_end import FRONT_END
 from lava_vpr.deploy.bundle.targets import TARGETS, open_whole
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.encoding import draw_trains, query_rates16
+from lava_vpr.encoding import draw_trains
+from lava_vpr.engine.inference.biases import bias_registers
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibitory_spikes
-from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import InputError
+from lava_vpr.inputs.encoder import Keep
 from lava_vpr.model import integer_model
+from lava_vpr.season.table import GainTable
 from lava_vpr.show.table import Table
 from lava_vpr.storage.writing import temporary_folder
 
 SCRIPT = Path(__file__).with_name("registers_in_nengo_loihi.py")
+PIXELS = {"encoder": {"kind": "frontend"}}
 SMALL_CORES = replace(KAPOHO_BAY, compartments=9, cores=2)
 """A board on which small networks take many cores, of both chips."""
 
@@ -56,13 +66,48 @@ MADE_UP = (
 
 @dataclass(frozen=True)
 class RegisterCase:
-    """What is compared: a folder with a bundle's files, the network that it holds, and presentations."""
+    """What is compared, n presentations.
+
+    Attributes:
+        name: For people.
+        folder: Where ``cores`` and ``host`` of a bundle are.
+        films: The host's spikes of each population by name, uint8 (n, steps, neurons).
+        injected: Spikes that the host injects, bool (n, steps, inputs); None: none.
+        mantissas: Biases that the host writes to a population before each presentation, int32 (n, neurons), by name.
+        exponents: Those of each presentation, int32 (n,), of populations whose exponents it writes too.
+    """
 
     name: str
-    bundle: Path
-    network: FixedNetwork
-    rates: NDArray[np.uint16]
-    keys: NDArray[np.uint64]
+    folder: Path
+    films: Mapping[str, NDArray[np.uint8]]
+    injected: NDArray[np.bool_] | None = None
+    mantissas: Mapping[str, NDArray[np.int32]] = field(default_factory=dict)
+    exponents: Mapping[str, NDArray[np.int32]] = field(default_factory=dict)
+
+    @classmethod
+    def of_network(
+        cls,
+        name: str,
+        folder: Path,
+        network: FixedNetwork,
+        rates: NDArray[np.uint16],
+        keys: NDArray[np.uint64],
+        bias: NDArray[np.int32] | None = None,
+    ) -> RegisterCase:
+        """The place network of a bundle, whose inputs' spikes are injected.
+
+        Args:
+            name, folder: As above.
+            network: The network that the bundle holds.
+            rates, keys: Spike probabilities uint16 (n, inputs), and key of each presentation uint64 (n,).
+            bias: Biases of exc in each presentation, in units of v, int32 (n, neurons); None: the network's own.
+        """
+        exc = count_spikes(network, rates, keys, raster=True, bias=bias)[2]
+        films = {"exc": exc, "inh": inhibitory_spikes(network, exc)}
+        spikes = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
+        written = {} if bias is None else {"exc": bias_registers(bias)}
+        mantissas, exponents = ({key: each[k] for key, each in written.items()} for k in range(2))
+        return cls(name, folder, films, spikes.astype(bool), mantissas, exponents)
 
 
 @dataclass(frozen=True)
@@ -86,7 +131,12 @@ def written(folder: Path, network: FixedNetwork, board: Board, dense_rows: bool)
     plan = partition(network, board, np.full(network.inputs, 5 / network.inputs), dense_rows=dense_rows)
     if any(core.dense_inputs.any() for core in plan.cores) != dense_rows:
         raise InputError(f"dense rows are {'missing' if dense_rows else 'not asked for'}; choose another network")
-    for name, content in TARGETS[KAPOHO_BAY.name].network_files(replace(plan, board=KAPOHO_BAY)).items():
+    return put(folder, TARGETS[KAPOHO_BAY.name].network_files(replace(plan, board=KAPOHO_BAY)))
+
+
+def put(folder: Path, files: Mapping[str, bytes]) -> Path:
+    """``folder``, with ``files`` in it by their names."""
+    for name, content in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
     return folder
@@ -99,24 +149,36 @@ def made_up_cases(folder: Path, presentations: int) -> Iterator[RegisterCase]:
         network = replace(network, inhibition=min(127, network.inhibition))
         rates = np.random.default_rng(number).integers(0, 12_000, (few, made.inputs)).astype(np.uint16)
         keys = presentation_keys(0, "query", np.arange(few))
-        yield RegisterCase(name, written(folder / f"{number}", network, board, dense_rows), network, rates, keys)
+        bundle = written(folder / f"{number}", network, board, dense_rows)
+        yield RegisterCase.of_network(name, bundle, network, rates, keys)
 
 
 def real_cases(folder: Path, presentations: int) -> Iterator[RegisterCase]:
-    """Models of summer images as `deploy` writes them, and winter queries.
+    """Models of summer images as `deploy` writes them, and winter queries, spread over the places.
 
     Raises:
         InputError: LAVA_VPR_DATA does not name the images.
     """
-    for places in (100, 500):
-        model = integer_model(learn((0, places), preset("loihi")), KAPOHO_BAY.title)
-        plan = deploy(model, KAPOHO_BAY, folder / f"{places}", picture=False).plan
+    for places, inputs, asking in ((100, {}, LEARNING), (500, {}, PLAINLY), (100, PIXELS, PLAINLY)):
+        model = integer_model(learn((0, places), update(preset("loihi"), inputs)), KAPOHO_BAY.title)
+        name, bundle = f"{places} places{', from pixels' if inputs else ''}", folder / f"{places}{'p' * len(inputs)}"
+        plan = deploy(model, KAPOHO_BAY, bundle, picture=False).plan
         if any(core.dense_inputs.any() for core in plan.cores):
-            raise InputError(f"{places} places: the bundle has dense rows, which were not asked for")
+            raise InputError(f"{name}: the bundle has dense rows, which were not asked for")
+        queries = encoded("winter", model.config.encoder).take(slice(places))
         chosen = np.linspace(0, places - 1, presentations).astype(np.int64)
-        rates = query_rates16(encoded("winter", model.config.encoder).take(chosen).activity, model.config.encoder)
-        keys = presentation_keys(model.config.seed, "query", image_keys(rates))
-        yield RegisterCase(f"{places} places, real queries", folder / f"{places}", model.network, rates, keys)
+        shown = {", real queries": query_presentations(model, queries)}
+        if asking.learn:
+            used = (turn.used for turn in answered(model, [queries], asking).turns)
+            table = GainTable.of(model, [part for part in used if part is not None])
+            shown[", gains of a drive"] = Asker(model, Asking(replay=table)).presentations([queries])
+        for how, every in shown.items():
+            some = every.part(chosen)
+            yield RegisterCase.of_network(f"{name}{how}", bundle, model.network, some.rates, some.keys, some.bias)
+        if (spec := model.config.encoder.front_end) is not None:
+            grey = queries.take(chosen).kept(Keep.GREY, "comparing the front end")
+            written = {"pixels": grey.reshape(len(grey), -1).astype(np.int32)}
+            yield RegisterCase(f"{name}, the front end", bundle / FRONT_END, spec.trains(grey), mantissas=written)
 
 
 def bundle_case(path: Path, presentations: int) -> RegisterCase:
@@ -134,33 +196,34 @@ def bundle_case(path: Path, presentations: int) -> RegisterCase:
             f"{KAPOHO_BAY.name} --input-mode injected"
         )
     rates, keys = (bundle.array(f"host/{name}.npy")[:presentations] for name in ("rates", "keys"))
-    return RegisterCase(path.name, path, network, rates, keys)
+    return RegisterCase.of_network(path.name, path, network, rates, keys)
 
 
-def emulated(bundle: Path, spikes: NDArray[np.bool_]) -> dict[str, NDArray[np.int64]]:
-    """What nengo-loihi's emulator makes of a bundle's files and of injected ``spikes`` (n, steps, inputs).
+def emulated(case: RegisterCase) -> dict[str, NDArray[np.int64]]:
+    """What nengo-loihi's emulator makes of a bundle's files and of what is presented.
 
     Raises:
         InputError: its environment is missing, or it failed.
     """
     with temporary_folder() as folder:
-        (folder / "bundle").symlink_to(bundle.resolve())
-        np.save(folder / "spikes.npy", spikes)
-        run_elsewhere("nengo-loihi", PYTHON, "oracles", SCRIPT, folder)
+        (folder / "bundle").symlink_to(case.folder.resolve())
+        if case.injected is not None:
+            np.save(folder / "spikes.npy", case.injected)
+        np.savez(folder / "mantissas.npz", **case.mantissas)
+        np.savez(folder / "exponents.npz", **case.exponents)
+        shape = next(iter(case.films.values())).shape[:2]
+        run_elsewhere("nengo-loihi", PYTHON, "oracles", SCRIPT, folder, *map(str, shape), *case.films)
         with np.load(folder / "spikes.npz", allow_pickle=False) as found:
             return {name: found[name].astype(np.int64) for name in found.files}
 
 
 def compared(case: RegisterCase) -> ComparedRegisters:
     """Every spike and counter of a bundle in nengo-loihi's emulator beside the host's."""
-    network = case.network
-    _, _, exc = count_spikes(network, case.rates, case.keys, raster=True)
-    inh = inhibitory_spikes(network, exc)
-    spikes = draw_trains(case.rates, case.keys, network.steps, network.interval, regular=network.regular)
-    found = emulated(case.bundle, spikes.astype(bool))
-    differ = sum(int((found[name] != own).sum()) for name, own in (("exc", exc), ("inh", inh)))
-    counters = int((found["counted"] != exc.sum(axis=1, dtype=np.int64) << 7).sum())
-    return ComparedRegisters(*found["read"].tolist(), int(exc.sum()) + int(inh.sum()), differ, counters)
+    found = emulated(case)
+    differ = sum(int((found[name] != own).sum()) for name, own in case.films.items())
+    counters = case.films["exc"].sum(axis=1, dtype=np.int64) << 7 if "exc" in case.films else found["counted"]
+    spikes = sum(int(film.sum()) for film in case.films.values())
+    return ComparedRegisters(*found["read"].tolist(), spikes, differ, int((found["counted"] != counters).sum()))
 
 
 @program()

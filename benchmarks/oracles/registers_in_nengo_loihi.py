@@ -1,14 +1,17 @@
-"""Runs a bundle's registers in nengo-loihi's emulator: python registers_in_nengo_loihi.py FOLDER (its own environment).
+"""Runs a bundle's registers in nengo-loihi's emulator: registers_in_nengo_loihi.py FOLDER N STEPS POPULATION ...
 
-FOLDER holds ``bundle``, a bundle for Kapoho Bay whose inputs' spikes are injected, and ``spikes.npy``, bool
-(presentations, steps, inputs). Every core of the bundle becomes one of nengo-loihi's blocks, by a reader of its own
-that knows NxSDK's names of registers (nengo-loihi 1.1.0, ``hardware/builder.py``), the layout of the bundle's synapse
-words, and nothing of lava-vpr. ``spikes.npz`` gets exc and inh, every spike, bool (presentations, steps, width);
-counted, the membranes of the counters after the last step, int32 (presentations, neurons); and read, the cores,
-synapses and axons that were found.
+It runs in an environment of its own. FOLDER holds ``bundle``, the folder of ``cores`` and ``host`` of a bundle for
+Kapoho Bay, and what is presented: ``spikes.npy``, injected spikes, bool (N, STEPS, inputs), if spikes are injected;
+``mantissas.npz``, biases that the host writes to populations before each presentation, int32 (N, width) by name; and
+``exponents.npz``, those of each presentation, int32 (N,), of populations whose exponents it writes too.
 
-The emulator starts every presentation at 0, is given injected spikes, and is read: what the bundle's program does on a
-board to clear, inject and read out is not shown here.
+Every core of the bundle becomes one of nengo-loihi's blocks, by a reader of its own that knows NxSDK's names of
+registers (nengo-loihi 1.1.0, ``hardware/builder.py``), the layout of the bundle's synapse words, and nothing of
+lava-vpr. ``spikes.npz`` gets every spike of each POPULATION, bool (N, STEPS, width); counted, the membranes of the
+counters, if there are any, after the last step, int32 (N, neurons); and read, the cores, synapses and axons found.
+
+The emulator starts every presentation at 0, is given spikes and biases, and is read: what a board's program does to
+clear, inject, write and read out is not shown here.
 """
 
 from __future__ import annotations
@@ -61,7 +64,8 @@ class BundleCore:
         read = {path.stem: np.load(path, allow_pickle=False) for path in folder.glob("*.npy")}
         self.registers = json.loads((folder / "registers.json").read_text())
         self.sources = read["axons_out"].astype(np.int64)
-        self.block = self._block(folder.name, read["compartments"].astype(np.int64))
+        compartments = read["compartments"].astype(np.int64)
+        self.block, self.exponents = self._block(folder.name, compartments), compartments[:, 3]
         self.synapses, self.axons = self._synapses(read["synapses"], read["axons_in"].tolist())
         for synapse in self.synapses:
             self.block.add_synapse(synapse)
@@ -105,9 +109,9 @@ class BundleCore:
         return groups, [(order[number], position) for number, position in axons]
 
 
-def number_in(bits: np.ndarray) -> int:
-    """The number that bits hold, the least significant first."""
-    return int(bits @ (1 << np.arange(bits.size)))
+def numbers_in(bits: np.ndarray) -> np.ndarray:
+    """The numbers that bits (..., width) hold, the least significant first."""
+    return bits @ (1 << np.arange(bits.shape[-1]))
 
 
 def row(bits: np.ndarray, count: int, formats: list[Any]) -> tuple[int, np.ndarray, np.ndarray]:
@@ -116,21 +120,20 @@ def row(bits: np.ndarray, count: int, formats: list[Any]) -> tuple[int, np.ndarr
     A block: 4 bits format, 6 bits synapses less 1, then for each synapse its compartment, if the format has index bits,
     and its weight in two's complement, the upper bits of the register's 9; then nothing to the end of a word.
     """
-    at, number, indices, weights = 0, 0, [], []  # type: int, int, list[int], list[int]
+    at, number, indices, weights = 0, 0, [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     while at < bits.size:
-        number, size = number_in(bits[at : at + HEADER[0]]), number_in(bits[at + HEADER[0] : at + sum(HEADER)]) + 1
-        at, own = at + sum(HEADER), formats[number]
-        for _ in range(size):
-            wide = own.real_idx_bits
-            indices.append(number_in(bits[at : at + wide]) if wide else len(indices))
-            stored = bits[at + wide : at + wide + own.real_weight_bits]
-            register = (number_in(stored) - (int(stored[-1]) << stored.size)) << own.shift_bits
-            weights.append(int(register * own.scale))
-            at += wide + stored.size
-        at += -at % WORD
-    if len(indices) != count:
-        raise ValueError(f"a row has {len(indices)} synapses, but its axon says {count}")
-    return number, np.array(indices, np.int32), np.array(weights, np.int32)
+        number, size = (int(numbers_in(part)) for part in np.split(bits[at : at + sum(HEADER)], HEADER[:1]))
+        at, size, own = at + sum(HEADER), size + 1, formats[number]
+        wide, end = own.real_idx_bits, at + size * (own.real_idx_bits + own.real_weight_bits)
+        each = bits[at:end].reshape(size, -1)
+        indices.append(numbers_in(each[:, :wide]) if wide else sum(map(len, indices)) + np.arange(size))
+        stored = numbers_in(each[:, wide:]) - (each[:, -1] << own.real_weight_bits)
+        weights.append(((stored << own.shift_bits) * own.scale).astype(np.int64))
+        at = end + -end % WORD
+    found = np.concatenate(indices).astype(np.int32), np.concatenate(weights).astype(np.int32)
+    if len(found[0]) != count:
+        raise ValueError(f"a row has {len(found[0])} synapses, but its axon says {count}")
+    return number, *found
 
 
 def connect(source: Any, size: int, ways: np.ndarray, cores: dict[Any, BundleCore]) -> int:
@@ -158,41 +161,53 @@ def connect(source: Any, size: int, ways: np.ndarray, cores: dict[Any, BundleCor
     return len(ways)
 
 
-def run(folder: Path, spikes: np.ndarray) -> dict[str, np.ndarray]:
-    """Every spike of exc and inh, what the counters hold, and what was read."""
-    found = [BundleCore(path) for path in sorted((folder / "cores").iterdir())]
+def run(folder: Path, presentations: int, steps: int, names: list[str]) -> dict[str, np.ndarray]:
+    """Every spike of the populations ``names``, what the counters hold, and what was read."""
+    bundle = folder / "bundle"
+    found = [BundleCore(path) for path in sorted((bundle / "cores").iterdir())]
     cores = {core.place: core for core in found}
-    host = {name: np.load(folder / "host" / f"{name}.npy", allow_pickle=False) for name in ("exc", "inh", "counters")}
-    source = SpikeInput(spikes.shape[2])
-    injection = np.load(folder / "host" / "injection.npy", allow_pickle=False)
-    axons = connect(source, spikes.shape[2], injection, cores)
-    axons += sum(connect(core.block, core.block.n_neurons, core.sources, cores) for core in found)
+    axons = sum(connect(core.block, core.block.n_neurons, core.sources, cores) for core in found)
+    spikes, sources = np.zeros((presentations, steps, 0), bool), []
+    if (folder / "spikes.npy").exists():
+        spikes = np.load(folder / "spikes.npy", allow_pickle=False)
+        sources = [SpikeInput(spikes.shape[2])]
+        injection = np.load(bundle / "host" / "injection.npy", allow_pickle=False)
+        axons += connect(sources[0], spikes.shape[2], injection, cores)
     for core in found:
         validate_block(core.block)
     blocks = [core.block for core in found]
     starts = dict(zip(cores, np.cumsum([0] + [block.n_neurons for block in blocks])))  # noqa: B905 (Python 3.8)
-    at = {name: np.array([starts[c, k] + i for c, k, i in table.tolist()]) for name, table in host.items()}
-    result = {name: np.zeros((*spikes.shape[:2], at[name].size), bool) for name in ("exc", "inh")}
-    counted = np.zeros((len(spikes), at["counters"].size), np.int32)
-    for presentation, shown in enumerate(spikes):
-        source.spikes.clear()
-        for step, active in enumerate(shown):
-            source.add_spikes(step + 1, np.flatnonzero(active))
-        model = SimpleNamespace(blocks=blocks, inputs=[source], probes=[], dt=0.001)
+    tables = {path.stem: np.load(path, allow_pickle=False) for path in (bundle / "host").glob("*.npy")}
+    have = [name for name in (*names, "counters") if name in tables]
+    at = {name: np.array([starts[c, k] + i for c, k, i in tables[name].tolist()]) for name in have}
+    mantissas, exponents = (dict(np.load(folder / f"{name}.npz")) for name in ("mantissas", "exponents"))
+    own = np.concatenate([core.exponents for core in found])
+    result = {name: np.zeros((presentations, steps, at[name].size), bool) for name in names}
+    counted = np.zeros((presentations, len(at.get("counters", ()))), np.int32)
+    for number, shown in enumerate(spikes):
+        for source in sources:
+            source.spikes.clear()
+            for step, active in enumerate(shown):
+                source.add_spikes(step + 1, np.flatnonzero(active))
+        model = SimpleNamespace(blocks=blocks, inputs=sources, probes=[], dt=0.001)
         with EmulatorInterface(model, seed=0) as emulator:
-            for step in range(len(shown)):
+            for name, written in mantissas.items():
+                exponent = exponents[name][number] if name in exponents else own[at[name]]
+                emulator.compartment.bias[at[name]] = written[number] << exponent
+            for step in range(steps):
                 emulator.step()
                 for name, film in result.items():
-                    film[presentation, step] = emulator.compartment.spiked[at[name]]
-            counted[presentation] = emulator.compartment.voltage[at["counters"]]
+                    film[number, step] = emulator.compartment.spiked[at[name]]
+            if "counters" in at:
+                counted[number] = emulator.compartment.voltage[at["counters"]]
     synapses = sum(weights.size for core in found for group in core.synapses for weights in group.weights)
     return result | {"counted": counted, "read": np.array([len(found), synapses, axons])}
 
 
-def main(folder: str) -> None:
-    """Run the bundle of ``folder`` on its spikes and write what came of it."""
-    spikes = np.load(Path(folder) / "spikes.npy", allow_pickle=False)
-    np.savez_compressed(Path(folder) / "spikes.npz", **run(Path(folder) / "bundle", spikes))
+def main(folder: str, presentations: str, steps: str, *names: str) -> None:
+    """Run the bundle of ``folder`` on what is presented there and write what came of it."""
+    found = run(Path(folder), int(presentations), int(steps), list(names))
+    np.savez_compressed(Path(folder) / "spikes.npz", **found)
 
 
 if __name__ == "__main__":
