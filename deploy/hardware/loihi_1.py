@@ -77,14 +77,14 @@ CORE: tuple[HardwareBelief, ...] = (
         "distinct pairs of decays of a core",
         at="CORE_PROFILES",
         unit="profiles",
-        breaks="nothing: four are used at most",
+        breaks="nothing: five are used at most",
         source=f"{NENGO}hardware/validate.py:19, hardware/nxsdk_objects.py:7",
     ),
     _core(
         "distinct thresholds of a core",
         at="CORE_THRESHOLDS",
         unit="thresholds",
-        breaks="nothing: four are used at most",
+        breaks="nothing: five are used at most",
         source=f"{NENGO}hardware/nxsdk_objects.py:8 (16 in hardware/validate.py:20)",
     ),
     _core(

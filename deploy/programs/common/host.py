@@ -61,12 +61,13 @@ class Host:
         """Steps without input at the end of a presentation."""
         raise NotImplementedError
 
-    def ask(self, rung: Rung) -> np.ndarray:
+    def ask(self, rung: Any) -> np.ndarray:
         """The counts of a rung's presentations, (presentations, neurons)."""
         raise NotImplementedError
 
-    def further(self) -> List[Rung]:
-        """The rungs that this board has beside those of every board."""
+    def further(self) -> List[Any]:
+        """The rungs that this board has beside those of every board: each has what `Rung` has by name, and its
+        counts."""
         return []
 
     def use(self, ways: FrozenSet[str]) -> None:

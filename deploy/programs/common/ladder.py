@@ -2,13 +2,12 @@
 
 import os
 import platform
-from typing import Callable, Dict, FrozenSet, Iterable, List, Sequence
+from typing import Any, Callable, Dict, FrozenSet, Iterable, List, Sequence
 
 import numpy as np
 
 from refusals import Refused
 from result_files import put
-from rungs import Rung, expected
 from ways import OtherWay, tries
 
 Attempt = Callable[[str, FrozenSet[str]], dict]
@@ -17,12 +16,13 @@ Attempt = Callable[[str, FrozenSet[str]], dict]
 REFERENCES = ("one reference", "all references")
 
 
-def rows_of(rungs: List[Rung], shape: tuple) -> List[dict]:
-    """A row for every rung, which `climb` fills in; ``shape``: steps with input and silent ones of a presentation."""
+def rows_of(rungs: Sequence[Any], shape: tuple) -> List[dict]:
+    """A row for every rung (`rungs.Rung`, or what has its names), which `climb` fills in; ``shape``: steps with input
+    and silent ones of a presentation."""
     rows = []
     for rung in rungs:
-        counts = [expected(rung, *shape)] * rung.presentations
-        rows.append({"name": rung.name, "proves": rung.proves, "failure": rung.failure, "expected": counts})
+        said = {name: getattr(rung, name) for name in ("name", "proves", "failure")}
+        rows.append(dict(said, expected=rung.counts(*shape)))
     proves, failure = "the whole network of the bundle counts as the host does", "see the first rung that failed"
     return rows + [
         {"name": name, "proves": proves, "failure": failure + "; if none, size matters"} for name in REFERENCES

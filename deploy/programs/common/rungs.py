@@ -26,6 +26,10 @@ class Rung(NamedTuple):
     lateral: int
     presentations: int
 
+    def counts(self, steps: int, silent: int) -> List[List[int]]:
+        """Those of each presentation of ``steps`` steps with input, which the next step feels, and silent ones."""
+        return [expected(self, steps, silent)] * self.presentations
+
 
 def rungs(bits: int, signed: bool, lateral: int, steps: int) -> List[Rung]:
     """All rungs for weights of so many ``bits`` besides a sign, and presentations with so many ``steps`` of input."""

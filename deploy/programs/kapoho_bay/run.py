@@ -49,11 +49,20 @@ try:
     from board_ways import WAYS
     from bundle_files import Bundle
     from ladder import Attempt
+    from layer_rungs import LayerRung, layer_rungs
     from refusals import Refused, told
     from result_files import Results, put
-    from rungs import Rung
     from simulated import Simulation
-    from small_network import format_rungs, formats_of, small_network, small_queries, tables_rung
+    from small_network import (
+        format_rungs,
+        formats_of,
+        layer_forms,
+        layer_network,
+        layer_queries,
+        small_network,
+        small_queries,
+        tables_rung,
+    )
     from watchdog import GRACE, Watchdog
 except Exception as damage:
     place = os.path.dirname(os.path.abspath(__file__))
@@ -111,12 +120,15 @@ class KapohoBay(host.Host):
         """As the manifest has it."""
         return self.network.silent
 
-    def further(self) -> List[Rung]:
-        """A rung for every format of synapses that the bundle has and no other rung uses."""
+    def further(self) -> List[Any]:
+        """A rung for every format of synapses that the bundle has and no other rung uses, and for every layer of its
+        front end."""
         bits, signed, size, exponent = self.bundle.numbers("bits", "signed", "inhibition", "inhibition_exponent")
         self.forms = formats_of(self.network)
         self.own = format_rungs(self.forms, bits, bool(signed), size << exponent)
-        return [rung for rung, _ in self.own.values()] + [tables_rung(bits)]
+        self.layers = layer_forms(self.network)
+        layers = [rung for rung in layer_rungs(self.network.steps) if self.layers]
+        return [*(rung for rung, _ in self.own.values()), tables_rung(bits), *layers]
 
     def use(self, ways: FrozenSet[str]) -> None:
         """The network that is configured knows them."""
@@ -132,10 +144,14 @@ class KapohoBay(host.Host):
         with Attempts(os.path.join(self.bundle.folder, "program", "run.py"), self.options, queries) as attempts:
             yield attempts
 
-    def ask(self, rung: Rung) -> np.ndarray:
+    def ask(self, rung: Any) -> np.ndarray:
         """On one core."""
-        small = small_network(self.network, self.forms, rung, self.own.get(rung.name, (rung, None))[1])
-        queries = small_queries(small, rung)
+        if isinstance(rung, LayerRung):
+            small = layer_network(self.network, self.forms, self.layers[rung.layer], rung)
+            queries = layer_queries(small, rung)
+        else:
+            small = small_network(self.network, self.forms, rung, self.own.get(rung.name, (rung, None))[1])
+            queries = small_queries(small, rung)
         if self.options.simulate:
             return np.array([Simulation(small).counts(query) for query in queries])
         results = Results(len(queries), small.neurons)

@@ -7,13 +7,15 @@ import numpy as np
 
 from board_network import COUNTER_UNIT, INDEX_CODES, REGISTER_BITS, WEIGHT_CODES, Network
 from chip_program import table_bytes
+from layer_rungs import LayerRung
 from refusals import Refused
-from rungs import Rung
+from rungs import SHIFT, Rung
 
 RELAY, KEEP, FORGET, HIGHEST = COUNTER_UNIT >> 6, 0, 4095, (1 << 17) - 1
 EXC, COUNTED, INH = range(3)  # profiles and thresholds
 DENSE, DENSE_ROWS = 3, "rows without indices"  # value of the register compression, and the rung's name
 TABLES = "tables"
+LARGEST = 127  # weight of a synapse whose sign takes one of 8 bits
 
 
 class Forms(NamedTuple):
@@ -127,18 +129,76 @@ def small_network(network: Network, forms: Forms, rung: Rung, own: Optional[dict
     for i in range(n):
         axons += [(i, len(rows)), (i, len(rows) + 1)]
         rows += [(3, [n + i], [weight(RELAY, single)]), (3, [2 * n], [weight(RELAY, single)])]
-    decays, levels = (rung.decay, KEEP, FORGET), (rung.threshold, HIGHEST, 1)
-    profile = {"decayU": FORGET, "refractDelay": 1, "enableNoise": 0, "bapAction": 1}
-    kinds = [EXC] * n + [COUNTED] * n + [INH]
+    neurons = [(FORGET, decay, level) for decay, level in ((rung.decay, rung.threshold), (KEEP, HIGHEST), (FORGET, 1))]
+    formats = [None, of_inputs, root if rung.lateral else None, single] + [own] * (own is not None)
+    ballast = max(table_bytes(network, chip) for chip in network.chips) if rung.name == TABLES else 0
+    return _on_one_core(network, [EXC] * n + [COUNTED] * n + [INH], neurons, formats, rows, axons, inputs, n, ballast)
+
+
+def layer_forms(network: Network) -> Dict[str, List[dict]]:
+    """The synapse formats of each layer's first core, by the layer; none if the bundle holds no front end."""
+    folder, found = "front_end/", {}
+    for name in sorted(network.bundle.files):
+        if name.startswith(folder + "host/"):
+            chip, core = network.bundle.array(name)[0, :2].tolist()
+            registers = network.bundle.json("{}cores/chip{}-core{:03d}/registers.json".format(folder, chip, core))
+            forms = sorted((form for form in registers["synapseFmt"] if form), key=lambda form: form["wgtExp"])
+            found[name.split("/")[-1].split(".")[0]] = forms
+    return found
+
+
+def layer_network(network: Network, forms: Forms, of_layer: List[dict], rung: LayerRung) -> Any:
+    """The rung's network as `Device` and `Simulation` take one: neurons and their counters; nothing is injected.
+
+    Weights of one synapse have the format ``of_layer`` with the least exponent, larger ones that with the greatest.
+    """
+    n, single, rows, axons = len(rung.neurons), forms.single[0], [(1, [0], [register_weight(1, of_layer[0])])], []
+    for source in range(n):
+        ways = [(target, weight) for start, target, weight in rung.synapses if start == source]
+        for number, form, own in (
+            (1, of_layer[0], [way for way in ways if abs(way[1]) <= LARGEST]),
+            (2, of_layer[-1], [way for way in ways if abs(way[1]) > LARGEST]),
+        ):
+            if own:
+                axons.append((source, len(rows)))
+                rows.append((number, [way[0] for way in own], [register_weight(way[1], form) for way in own]))
+        axons.append((source, len(rows)))
+        rows.append((3, [n + source], [register_weight(RELAY, single)]))
+    kinds = sorted(set(rung.neurons))
+    numbers = [kinds.index(neuron) for neuron in rung.neurons] + [len(kinds)] * n
+    formats = [None, of_layer[0], of_layer[-1], single]
+    made = _on_one_core(network, numbers, [*kinds, (FORGET, KEEP, HIGHEST)], formats, rows, axons, 1, n)
+    made.adapted = True
+    return made
+
+
+def _on_one_core(
+    network: Network,
+    kinds: List[int],
+    neurons: List[tuple],
+    formats: List[Optional[dict]],
+    rows: List[tuple],
+    axons: List[tuple],
+    inputs: int,
+    n: int,
+    ballast: int = 0,
+) -> Any:
+    """A network on one core; input i is injected at axon i, and the ``n`` compartments that come first are counted by
+    those that follow them.
+
+    ``neurons`` has decays of u and v and threshold of each kind, ``kinds`` that of each compartment, ``rows`` format,
+    compartments and register weights of each axon, ``axons`` pairs of compartment and axon.
+    """
+    profile = {"refractDelay": 1, "enableNoise": 0, "bapAction": 1}
     sizes = [len(row[1]) for row in rows]
     core = SimpleNamespace(
         name="rung",
         chip=0,
         core=0,
         registers={
-            "cxProfileCfg": [dict(profile, decayV=decay) for decay in decays],
-            "vthProfileCfg": [{"vth": level} for level in levels],
-            "synapseFmt": [None, of_inputs, root if rung.lateral else None, single] + [own] * (own is not None),
+            "cxProfileCfg": [dict(profile, decayU=decay_u, decayV=decay_v) for decay_u, decay_v, _ in neurons],
+            "vthProfileCfg": [{"vth": level} for *_, level in neurons],
+            "synapseFmt": formats,
             "dendriteSharedCfg": network.cores[0].registers["dendriteSharedCfg"],
             "numUpdates": {"numUpdates": -(-len(kinds) // 4), "numStdp": 0},
         },
@@ -163,7 +223,7 @@ def small_network(network: Network, forms: Forms, rung: Rung, own: Optional[dict
         adapted=False,
         host_spikes=network.host_spikes,
         ways=network.ways,
-        ballast=max(table_bytes(network, chip) for chip in network.chips) if rung.name == TABLES else 0,
+        ballast=ballast,
         cores=[core],
         of={(0, 0): core},
         chips=[0],
@@ -186,3 +246,9 @@ def small_queries(network: Any, rung: Rung) -> list:
     """What is sent for the rung's presentations: active inputs spike in every step."""
     spikes = np.tile(np.array(rung.active, bool), (network.steps, 1))
     return [SimpleNamespace(spikes={0: spikes}, settings={}, biases={}) for _ in range(rung.presentations)]
+
+
+def layer_queries(network: Any, rung: LayerRung) -> list:
+    """What is sent for the rung's presentations: biases, in units of 2^6."""
+    spikes = {0: np.zeros((network.steps, 1), bool)}
+    return [SimpleNamespace(spikes=spikes, settings={}, biases={0: np.array(row) * 8 + SHIFT}) for row in rung.biases]

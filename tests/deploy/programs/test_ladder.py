@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.boards import loihi2_bundles
-from support.boards.host_programs import Made
-from support.boards.kapoho_board import ASKED, Board, edited, layout, make, plan_by_hand, random_network
+from support.boards.kapoho_board import ASKED, Board, climb_here, edited, layout, make, plan_by_hand, random_network
 
 from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
 
@@ -80,17 +79,6 @@ WIDE = {(0, 0): [("exc", 0, 70), ("inh", 0, 1)], (1, 2): [("exc", 70, 10)]}
 """Cores whose compartments need other numbers of index bits."""
 OTHERS = ["rows of inputs, indices of 6 bits", "rows of the inhibitory neuron, indices of 6 bits"]
 OTHERS += ["single synapses, indices of 6 bits"]
-
-
-def climb_here(board: Board, made: Made, *names: str, **faults: Any) -> dict[str, Any]:
-    """Climb to the rungs ``names``, all if none, in this process, where a chip is not waited for in real time."""
-    program = board.program
-    options = program.command_line.parsed(program.command_line.parser(""), ["--ladder", "", "--timeout", "3"])
-    host = program.run.KapohoBay(program.bundle_files.Bundle(str(made.path), "kapoho-bay"), options)
-    rows = program.ladder.rows_of(host.plain() + host.further(), (host.network.steps, host.network.silent))
-    board.faults.choose(**{"asked": ASKED, **faults})
-    wanted = [row for row in rows if not names or row["name"] in names]
-    return dict(program.ladder.climb(wanted, host.attempt, host.ways, frozenset()))
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
@@ -230,11 +230,30 @@ def layout(name: str, network: FixedNetwork, dense: float = 0.5) -> Plan:
     return plan_by_hand(network, {core: members for core, members in cores.items() if members}, dense)
 
 
-def make(folder: Path, plan: Plan, images: int = 5, traverses: int = 1, seed: int = 0) -> Made:
-    """Write the bundle of ``plan`` with ``images`` random references of each of ``traverses``."""
+def make(
+    folder: Path,
+    plan: Plan,
+    images: int = 5,
+    traverses: int = 1,
+    seed: int = 0,
+    front_end: Mapping[str, bytes] | None = None,
+) -> Made:
+    """Write the bundle of ``plan``, and files of a front end, with ``images`` random references of each of
+    ``traverses``."""
     n, inputs = images * traverses, plan.network.inputs
     rates = (np.random.default_rng(seed + 1).random((n, inputs)) ** 3 * 20000).astype(np.uint16)
     shown, labels = (rates, presentation_keys(seed, "response", np.arange(n))), np.tile(np.arange(images), traverses)
     limits = {"host_spikes": HOST_SPIKES}
-    files = core_files.network_files(plan)
+    files = {**core_files.network_files(plan), **(front_end or {})}
     return write_bundle(folder / "bundle", "kapoho-bay", plan.network, files, shown, labels, limits=limits)
+
+
+def climb_here(board: Board, made: Made, *names: str, **faults: Any) -> dict[str, Any]:
+    """Climb to the rungs ``names``, all if none, in this process, where a chip is not waited for in real time."""
+    program = board.program
+    options = program.command_line.parsed(program.command_line.parser(""), ["--ladder", "", "--timeout", "3"])
+    host = program.run.KapohoBay(program.bundle_files.Bundle(str(made.path), "kapoho-bay"), options)
+    rows = program.ladder.rows_of(host.plain() + host.further(), (host.network.steps, host.network.silent))
+    board.faults.choose(**{"asked": ASKED, **faults})
+    wanted = [row for row in rows if not names or row["name"] in names]
+    return dict(program.ladder.climb(wanted, host.attempt, host.ways, frozenset()))
