@@ -21,12 +21,11 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.learning.season import LEARNING, answered
+from benchmarks.learning.replayed import gained
 from benchmarks.oracles.inference import Made, made_up
 from benchmarks.oracles.needs import PYTHON
 from benchmarks.places import encoded, learn, required
 from benchmarks.program import Printed, program, run_elsewhere, verdict
-from lava_vpr.backends.asking import PLAINLY, Asker, Asking
 from lava_vpr.backends.interface import query_presentations
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
@@ -43,7 +42,6 @@ from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import InputError
 from lava_vpr.inputs.encoder import Keep
 from lava_vpr.model import integer_model
-from lava_vpr.season.table import GainTable
 from lava_vpr.show.table import Table
 from lava_vpr.storage.writing import temporary_folder
 
@@ -159,7 +157,7 @@ def real_cases(folder: Path, presentations: int) -> Iterator[RegisterCase]:
     Raises:
         InputError: LAVA_VPR_DATA does not name the images.
     """
-    for places, inputs, asking in ((100, {}, LEARNING), (500, {}, PLAINLY), (100, PIXELS, PLAINLY)):
+    for places, inputs in ((100, {}), (500, {}), (100, PIXELS)):
         model = integer_model(learn((0, places), update(preset("loihi"), inputs)), KAPOHO_BAY.title)
         name, bundle = f"{places} places{', from pixels' if inputs else ''}", folder / f"{places}{'p' * len(inputs)}"
         plan = deploy(model, KAPOHO_BAY, bundle, picture=False).plan
@@ -167,14 +165,12 @@ def real_cases(folder: Path, presentations: int) -> Iterator[RegisterCase]:
             raise InputError(f"{name}: the bundle has dense rows, which were not asked for")
         queries = encoded("winter", model.config.encoder).take(slice(places))
         chosen = np.linspace(0, places - 1, presentations).astype(np.int64)
-        shown = {", real queries": query_presentations(model, queries)}
-        if asking.learn:
-            used = (turn.used for turn in answered(model, [queries], asking).turns)
-            table = GainTable.of(model, [part for part in used if part is not None])
-            shown[", gains of a drive"] = Asker(model, Asking(replay=table)).presentations([queries])
-        for how, every in shown.items():
-            some = every.part(chosen)
-            yield RegisterCase.of_network(f"{name}{how}", bundle, model.network, some.rates, some.keys, some.bias)
+        cases = {"real queries": query_presentations(model, queries).part(chosen)}
+        if places == 100 and not inputs:
+            cases["gains of a drive"] = gained(model, queries, presentations)
+        for how, some in cases.items():
+            own = some.rates, some.keys, some.bias
+            yield RegisterCase.of_network(f"{name}, {how}", bundle, model.network, *own)
         if (spec := model.config.encoder.front_end) is not None:
             grey = queries.take(chosen).kept(Keep.GREY, "comparing the front end")
             written = {"pixels": grey.reshape(len(grey), -1).astype(np.int32)}

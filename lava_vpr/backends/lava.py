@@ -124,12 +124,13 @@ class LavaBackend:
 
 
 def front_end_trains(
-    job: str, model: Model, blocks: Iterable[NDArray[np.uint8]], advance: Advance | None = None
+    job: str, tag: str, model: Model, blocks: Iterable[NDArray[np.uint8]], advance: Advance | None = None
 ) -> Iterator[dict[str, NDArray[np.uint8]]]:
     """Run the spiking front end as Lava Processes; see `lava_vpr.backends.interface.RunFrontEnd`.
 
     Args:
         job: Function of `lava_vpr.processes.jobs.front_end`.
+        tag: Which ProcessModels.
         model: Whose front end.
         blocks: What its pixels take of images, a run for each block, uint8 (n, height, width).
         advance: Called with the number of images that are done.
@@ -137,7 +138,9 @@ def front_end_trains(
     spec, target = front_end_of(model), f"lava_vpr.processes.jobs.front_end:{job}"
     for grey in blocks:
         timeout = 120 + len(grey) * spec.steps / SLOWEST
-        yield run_isolated(target, {"grey": grey}, {"spec": asdict(spec)}, timeout=timeout, progress=advance)
+        yield run_isolated(
+            target, {"grey": grey}, {"spec": asdict(spec), "tag": tag}, timeout=timeout, progress=advance
+        )
 
 
 def gained(

@@ -75,7 +75,7 @@ for _row in (
         timing="lava",
         default=True,
         limit=16,
-        front_end=partial(front_end_trains, "composed"),
+        front_end=partial(front_end_trains, "composed", "fixed_pt"),
         gains=partial(gained, "composed", "fixed_pt"),
     ),
     BackendRow(
@@ -86,6 +86,7 @@ for _row in (
         exact=False,
         timing="lava",
         limit=16,
+        front_end=partial(front_end_trains, "composed", "floating_pt"),
         gains=partial(gained, "composed", "floating_pt"),
     ),
     BackendRow(
@@ -105,7 +106,7 @@ for _row in (
         unavailable=lava_missing,
         timing="lava",
         limit=16,
-        front_end=partial(front_end_trains, "library"),
+        front_end=partial(front_end_trains, "library", "fixed_pt"),
         gains=partial(gained, "library", "fixed_pt"),
     ),
     BackendRow(

@@ -127,11 +127,29 @@ class SpikesCompared(NamedTuple):
 
 
 class FrontEndQueries(NamedTuple):
-    """What a model's front end is shown: what its pixels take of each image, uint8 (n, height, width); names."""
+    """What a model's front end is shown.
+
+    Attributes:
+        model: The model.
+        views: The queries in each of their views, with what pixels take of them (`Keep.GREY`).
+        asked: Makes their presentations, view after view, of their activity.
+    """
 
     model: Model
-    grey: NDArray[np.uint8]
-    names: Sequence[str]
+    views: Sequence[EncodedTraverse]
+    asked: Callable[[Sequence[EncodedTraverse]], Presentations]
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all images, view after view."""
+        return [name for view in self.views for name in view.names]
+
+    @property
+    def blocks(self) -> list[tuple[NDArray[np.uint8], list[str]]]:
+        """What pixels take of some images at a time, uint8 (n, height, width), and their names."""
+        grey = np.concatenate([view.kept(Keep.GREY, "comparing the front end") for view in self.views])
+        starts = range(0, len(grey), AT_ONCE)
+        return [(grey[start : start + AT_ONCE], self.names[start : start + AT_ONCE]) for start in starts]
 
 
 GAINED = "inputs under gains"
@@ -226,15 +244,20 @@ def _before(run: RunFrontEnd | None, shown: FrontEndQueries | None, advance: Adv
     """Compare what a backend's front end makes of the images, some at a time, with the host's."""
     if run is None or shown is None:
         return SpikesCompared({})
-    parts = [slice(start, start + AT_ONCE) for start in range(0, len(shown.grey), AT_ONCE)]
-    spec, films = front_end_of(shown.model), run(shown.model, (shown.grey[part] for part in parts), advance)
-    found = [
-        compare(spec.trains(shown.grey[part]), theirs, shown.names[part])
-        for part, theirs in zip(parts, films, strict=True)
-    ]
+    spec, blocks = front_end_of(shown.model), shown.blocks
+    films = run(shown.model, (grey for grey, _ in blocks), advance)
+    found = [compare(spec.trains(grey), theirs, names) for (grey, names), theirs in zip(blocks, films, strict=True)]
     spikes = {population: sum(each.spikes[population] for each in found) for population in found[0].spikes}
     first = next((each.first for each in found if each.first is not None), None)
     return SpikesCompared(spikes, sum(each.differing for each in found), first)
+
+
+def _of_own_cells(run: RunFrontEnd, shown: FrontEndQueries, advance: Advance | None) -> Presentations:
+    """The queries as presented where a backend's own front end decides their activity."""
+    films = run(shown.model, (grey for grey, _ in shown.blocks), advance)
+    activity = np.concatenate([film["cells"].sum(axis=1, dtype=np.float32) for film in films])
+    parts = np.split(activity, len(shown.views))
+    return shown.asked([replace(view, activity=part) for view, part in zip(shown.views, parts, strict=True)])
 
 
 def recall_at_1(model: Model, counts: NDArray[np.int32], truth: NDArray[np.bool_]) -> float:
@@ -285,8 +308,9 @@ def verify(
         )
     before = None
     if model.config.encoder.front_end is not None:
-        grey = [each.kept(Keep.GREY, "comparing the front end") for each in (queries, *further)]
-        before = FrontEndQueries(model, np.concatenate(grey), images)
+        before = FrontEndQueries(
+            model, (queries, *further), lambda views: Asker(model, asking, seed).presentations(views)
+        )
     compared = _before(BACKENDS["host"].front_end, before, None).spikes
     compared |= compare(trains.films, trains.films, images).spikes if trains else {"exc": int(counts.sum())}
     gained = GainedQueries.of(model, asking, (queries, *further))
@@ -327,7 +351,11 @@ def _verdict(
     row, begin = BACKENDS[name], begin or (lambda name: None)
     earlier = SpikesCompared({})
     if before is not None and row.front_end is not None:
-        earlier = _before(row.front_end, before, begin(f"the front end on {name}"))
+        advance = begin(f"the front end on {name}")
+        if row.exact:
+            earlier = _before(row.front_end, before, advance)
+        elif gained is None:  # a gain table is of images that have the host's activity
+            shown = _of_own_cells(row.front_end, before, advance)
     advance = begin(f"gains on {name}") if gained is not None and row.gains is not None else None
     shown, products, weighed = _under_gains(row.gains, gained, shown, advance)
     backend = backends.get(name, advance=begin(name))

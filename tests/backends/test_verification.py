@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from numpy.typing import NDArray
 from support.common.commands import PLACES, SHORT, figures, run
 from support.common.small_models import encoded, small_model, tiny_paper
 
@@ -144,6 +145,31 @@ def test_every_spike_of_the_front_end_is_compared(here: Path, monkeypatch: pytes
         "lava-fixed differs from the host in 1 places, first at query place_00002.png, step 9, population pairs, "
         "neuron 70: host 0, backend 1; report it with the model and the query\n"
     )
+
+
+@pytest.mark.lava
+def test_a_float_front_end_decides_the_float_networks_inputs(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command with a float front end in Lava's place whose cells see each image's successor, the last the first."""
+    seen: list[NDArray[np.uint16]] = []
+
+    def in_lavas_place(target: str, arrays: Any, options: Any, **ways: Any) -> Any:
+        assert (target, options["tag"]) == ("lava_vpr.processes.jobs.front_end:composed", "floating_pt")
+        return FRONT_END.trains(np.roll(arrays["grey"], -1, axis=0))
+
+    class Seeing(HostBackend):
+        def count_spikes(self, model: Model, shown: Presentations) -> Any:
+            seen.append(shown.rates)
+            return super().count_spikes(model, shown)
+
+    run("train", "reference", "-o", "f.lvpr", "--input", "frontend", "--learning", "template")
+    monkeypatch.setattr(backends, "get", lambda name, threads=1, advance=None: Seeing())
+    monkeypatch.setattr(lava, "run_isolated", in_lavas_place)
+    words = ("verify", "f.lvpr", "query", "--limit", 3, "--backend", "lava-float", "--json", "v.json")
+    run(*words)
+    model = model_file.load(Path("f.lvpr"))
+    own = query_presentations(model, encode_traverse(open_traverse("query").take(range(3)), model.config.encoder)).rates
+    assert np.array_equal(seen[-1], np.roll(own, -1, axis=0))
+    assert json.loads(Path("v.json").read_text())["backends"]["lava-float"]["equal"] is None
 
 
 def test_a_front_end_without_its_pixels_is_not_compared() -> None:
