@@ -41,6 +41,28 @@ def fitted(places: int) -> Proof:
     return Proof(what, f"{train} && lava-vpr fit $T/m.lvpr --target kapoho-bay", printed)
 
 
+def under_gains(places: int) -> Proof:
+    """A drive that learns gains: its table replayed, and on other backends."""
+    drive, summer = "$LAVA_VPR_DATA/data/nordland/winter", "$LAVA_VPR_DATA/data/nordland/summer"
+    query = f"lava-vpr query $T/m.lvpr {drive} --places 0:{places}"
+    backends = ("bundle", "lava-fixed", "lava-library")
+    commands = (
+        f"lava-vpr train {summer} --places 0:{places} -o $T/m.lvpr",
+        f"{query} --learn --gains $T/g.lvpg -o $T/learned.csv",
+        f"{query} --replay $T/g.lvpg -o $T/replayed.csv",
+        "cmp $T/learned.csv $T/replayed.csv",
+        f"lava-vpr verify $T/m.lvpr {drive} --replay $T/g.lvpg --limit {places} "
+        + " ".join(f"--backend {name}" for name in backends),
+    )
+    printed = r"lava-library +│ (every spike equal) +│ +\d+ +│ +([\d,]+) +│ +([\d,]+) +│ +([\d,]+)"
+    what = (
+        f"{places} real queries that learn gains: answers replayed from the gain table are the same bytes; a bundle, "
+        "`lava-fixed` and `lava-library` beside the host: products of activity and gain, spikes of exc and inh, of "
+        "inputs"
+    )
+    return Proof(what, " && ".join(commands), printed)
+
+
 SLOW = "pytest -m slow -s --timeout 1800"
 PROOFS: Mapping[str, Sequence[Proof]] = {
     "exactness": (
@@ -49,6 +71,7 @@ PROOFS: Mapping[str, Sequence[Proof]] = {
             f"{SLOW} tests/processes/test_bias_inputs.py",
             r"lava-fixed: (\S+ spikes of exc and inh, \S+ in all)",
         ),
+        under_gains(100),
         Proof(
             "random networks of LIF and dense synapses beside Lava's library, every spike and state",
             f"{SLOW} tests/engine/test_fuzz.py",
