@@ -150,7 +150,7 @@ tutorial: .venv-docs/.installed ## Execute the notebooks of docs/notebooks
 site: .venv-docs/.installed links ## Build the documentation as a site into site/, warnings are errors
 	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet --strict && echo "site/index.html"
 
-pictures: $(STAMP) ## Compute the pictures of README and docs anew
+pictures: $(STAMP) ## Compute the pictures of README and docs again
 	@$(BIN)/python scripts/draw_drive.py && $(BIN)/python scripts/draw_concepts.py && $(BIN)/python scripts/draw_season.py
 	@$(BIN)/python scripts/draw_front_end.py
 

@@ -56,7 +56,7 @@ class LifNetwork:
         weight_bits: Bits of one weight's magnitude: 1..8, signed 1..7.
         prune: Share of each neuron's weights, those of the smallest magnitude, that is set to 0.
         threshold: Firing threshold of every excitatory neuron.
-        inhibition: What the inhibitory neuron takes from every excitatory one after any of them has spiked.
+        inhibition: How much the inhibitory neuron inhibits every excitatory one after any of them has spiked.
         tau_membrane: Membrane time constant, in steps.
         trains: How inputs spike in queries: ``regular`` trains of random phases (`engine.inference.bias_input`), or
             ``poisson``. Learning has a setting of its own (`StdpLearning.trains`).
@@ -101,7 +101,7 @@ class StdpLearning:
 
     Attributes:
         rule: ``stdp``; or ``template``, which learns nothing: the rates of a place's references are its neuron's
-            weights, what learning is held against; or ``slayer``, by gradients (`SlayerConfig`), which of the settings
+            weights, the baseline for learning; or ``slayer``, by gradients (`SlayerConfig`), which of the settings
             here takes ``epochs`` alone; or a plug-in's (`lava_vpr.training.trainers.LearningRule`).
         arithmetic: ``float``, or ``integer``: Loihi's own (`engine.learning.integer`). Either result is quantised.
         trains: How inputs spike while learning, as `LifNetwork.trains`. Regular trains show rates without noise, so

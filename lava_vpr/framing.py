@@ -1,10 +1,11 @@
 """What is encoded of an image: all of it, or what stands between the bars at its edges (``--crop auto``).
 
 Bars are cropped where an image was squeezed between them, and masked where they cover a part of it: then what is seen
-stays where it is, and inputs under a bar are silent. Pixels do not tell which it is. Queries are held against the
-references in each way, and what fits these better, by the cosine of the inputs that are not silent, is taken.
-References have nothing to be held against: equal bars on opposite edges are taken for those of a squeezed image, others
-for painted ones.
+stays where it is, and inputs under a bar are silent. Pixels do not tell which it is. Queries are compared
+with the references in each way, and the way that fits better, by the cosine of the inputs that are not silent, is
+taken.
+References have nothing to be compared with: equal bars on opposite edges are taken for those of a squeezed image,
+others for painted ones.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ from lava_vpr.traverse import Traverse
 CROPS = NO_CROP, AUTO = "none", "auto"
 """What ``--crop`` can be."""
 RECENT, HELD = 9, 30
-"""Images whose median says where bars end, so that no single one moves them; and those with bars that are held against
-references, until how these bars are left out is settled."""
+"""Images whose median says where bars end, so that no single one moves them; and those with bars that are compared
+with references, until how these bars are left out is settled."""
 SAMPLED, ALIKE = 32, 0.02
 """Most references that are looked at for bars; and by how much of a side equal bars may differ."""
 

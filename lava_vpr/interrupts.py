@@ -156,9 +156,9 @@ def finish() -> None:
 
 
 def stoppable(call: Callable[[], T], seconds: float | None = None) -> T:
-    """What ``call`` returns or raises; a signal is minded at once also where a library keeps the processor for itself.
+    """What ``call`` returns or raises; a signal is handled at once even where a library does not return.
 
-    Python minds signals between its own steps, and so never within a library that does not return. The call is made
+    Python handles signals between its own steps, and so never within a library that does not return. The call is made
     in another thread, which a signal leaves behind; it ends with the program.
 
     Args:

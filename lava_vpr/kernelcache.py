@@ -137,7 +137,7 @@ def imported() -> Any:
 
 @functools.cache
 def _cache_class() -> Any:
-    """numba's cache of a kernel, but one that forgets what it cannot read and goes on where it cannot write."""
+    """numba's cache of a kernel, which ignores entries that it cannot read and continues where it cannot write."""
     from numba.core.caching import FunctionCache
     from numba.core.runtime import rtsys
 

@@ -1,6 +1,6 @@
 """The format of a model file: what every key of its header and every array must be, checked in this one place.
 
-A file may be anybody's, so each value is held against its type and range, and against the others. With P places, T
+A file may be anybody's, so each value is checked by its type, its range and the others. With P places, T
 traverses, I inputs (of the settings), N neurons:
 
     version        text of 1 to 40 printable characters

@@ -162,7 +162,7 @@ def recognise(
     shown: Presentations | None = None,
     further: Sequence[EncodedTraverse] = (),
 ) -> Recognition:
-    """Answer every query and hold the answers against the truth.
+    """Answer every query and compare the answers with the truth.
 
     Args:
         model: A trained model.

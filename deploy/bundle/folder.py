@@ -238,7 +238,7 @@ def write(path: Path, manifest: Mapping[str, Any], files: Mapping[str, bytes]) -
 
 
 def _put(new: Path, path: Path) -> None:
-    """Put the folder ``new`` in the place of ``path``; if that exists, exchange the two."""
+    """Put the folder ``new`` at ``path``; if that exists, exchange the two."""
     if not path.exists():
         new.rename(path)
         return

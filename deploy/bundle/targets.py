@@ -3,7 +3,7 @@
 `lava_vpr.deploy.boards.board` has what the boards hold; a board without a row here is refused when this is imported.
 
 From a bundle back to the model that it holds: here all that a bundle says is checked. Whoever made the bundle made its
-checksums right, too. So every file that is used is held against its type, shape and range
+checksums right, too. So every file that is used is checked by its type, shape and range
 (`lava_vpr.deploy.bundle.core_files`, `loihi2`, `learning`), against the references, and in the end against what this
 version writes for the network that was read: registers, memory, axons and tables must be those, one by one.
 """

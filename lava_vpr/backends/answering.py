@@ -33,8 +33,8 @@ BATCH = 256
 
 
 class Turn(NamedTuple):
-    """Some queries that were answered together: spike counts int32 (n, neurons), scores (n, places), answers, what
-    speaks against each query, which of the answers taught, bool (n,), what is known of the season afterwards (None: it
+    """Some queries that were answered together: spike counts int32 (n, neurons), scores (n, places), answers, doubts
+    about each query, which of the answers taught, bool (n,), what is known of the season afterwards (None: it
     does not count), the queries, straight ahead, and what they were presented with, if inputs have gains that are not
     replayed."""
 

@@ -156,7 +156,7 @@ class TruthOptions:
         positions: Files with the positions of the reference and of the query images.
         radius: Metres within which a place is correct, by positions.
         tolerance: Places along the route that a match may be off, by order or by ``gt``; without positions.
-        where: Where the queries were taken, to be held against the model's own positions.
+        where: Where the queries were taken, to be compared with the model's own positions.
         in_step: Whether order may tell which place a query shows.
     """
 

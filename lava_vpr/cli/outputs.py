@@ -68,7 +68,7 @@ class Outputs:
             self._refuse_images_in(Path(source))
 
     def spare(self, inputs: Iterable[Path | str]) -> None:
-        """Refuse an output that is one of ``inputs``, which are found out later: the images of a traverse.
+        """Refuse an output that is one of ``inputs``, which become known later: the images of a traverse.
 
         Raises:
             InputError: it is one, or a folder that holds one.

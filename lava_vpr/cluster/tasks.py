@@ -40,7 +40,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 PATIENCE = 0.2
-"""Seconds after which a wait for a result is broken off, so that Ctrl-C is minded and workers are counted."""
+"""Seconds after which a wait for a result is broken off, so that Ctrl-C is obeyed and workers are counted."""
 DEATHS = 16
 """Workers that may die with a task, four times as many as a scheduler allows; then the task is taken for the cause."""
 

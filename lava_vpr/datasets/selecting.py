@@ -1,5 +1,5 @@
 """Which traverses and which of their images are in use: a benchmark dataset's, or those that a user names; and what
-there is of a dataset, held against what the paper needs of it.
+there is of a dataset, compared with what the paper needs of it.
 """
 
 from __future__ import annotations

@@ -2,10 +2,11 @@
 
 A file is a header, which is a flatbuffer with a description in XML, and packets: the number of a stream, the packet's
 length, and a flatbuffer, packed by LZ4 or Zstandard where the header says so. Offsets in flatbuffers are those of
-whoever wrote the file: each is held against the packet's end, and a packet is unpacked up to a limit, whatever it
+whoever wrote the file: each must lie before the packet's end, and a packet is unpacked up to a limit, whatever it
 claims.
-Package aedat (2.3) sees as much, with the checks of `lava_vpr.events.stream`: all of 432 cuts, and 264 of 300 wrong
-bytes where this module sees 266. It has no limit on what a packet unpacks to, and panics; it would need a child
+
+Package aedat (2.3) detects as much, with the checks of `lava_vpr.events.stream`: all of 432 cuts, and 264 of 300 wrong
+bytes where this module detects 266. It has no limit on what a packet unpacks to, and panics; it would need a child
 process.
 Source: https://docs.inivation.com (AEDAT 4.0), https://flatbuffers.dev/internals.
 """

@@ -47,7 +47,7 @@ class Drawn:
         bias: What each membrane gains in every step, float64 (neurons,).
         threshold: Above it a neuron spikes, and starts again at 0.
         decay: Share of a membrane that is lost in a step, in [0, 1].
-        inhibition: What each spike of the inhibitory root takes from every membrane; 0 without one.
+        inhibition: How much each spike of the inhibitory root inhibits every membrane; 0 without one.
         unit: What a weight of 1 adds to a membrane, where the file says so.
         scalars: `FixedNetwork.scalars`, where the file keeps them: it was written from a model.
         digest: `digest` of the network that it was written from, where the file keeps it.
@@ -95,7 +95,7 @@ def inhibition_of(
     threshold: float,
     neurons: int,
 ) -> float:
-    """What the root of a population takes from every excitatory neuron, seen to be the only recurrence.
+    """How much the root of a population inhibits every excitatory neuron, checked to be the only recurrence.
 
     Args:
         recurrent: What a spike of each neuron of the population adds to each, (to, from).

@@ -86,8 +86,8 @@ LEAST = 1e-6
 GLOBAL_CLOSURE = 1
 """Kind of a link between two images of the same place."""
 FAINT = 1e-3
-"""Places that are less likely than this share of the matched one are left out of a covariance: a robot may be carried
-off to any place, of which the filter always believes a little, and far away that little would outweigh the rest."""
+"""Places that are less likely than this share of the matched one are left out of a covariance: a robot may have been
+kidnapped to any place, so the filter gives each a small probability, which far away would outweigh the rest."""
 BY_HAND = (0.5**2, 0.5**2, (math.pi / 12) ** 2)
 """Variances of x and y, in square metres, and of the heading, in square radians, of a pose set by hand."""
 ANY_ANGLE = math.pi**2 / 3

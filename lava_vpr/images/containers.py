@@ -7,8 +7,8 @@ taken only if its content is that of a container known here, and if that is whol
   recording of unknown length are whole up to their last part, and no shorter than they say.
 * An MPEG program stream says it of each packet only: it shows a cut unless that fell between two packets.
 
-PyAV (17.1, FFmpeg 8) cannot take the place of these walks: of the 599 cuts of tests/images/test_videos.py it takes 58
-for a whole video, with every packet decoded, its marks of corruption looked at, and frames and seconds held against
+PyAV (17.1, FFmpeg 8) cannot replace these walks: of the 599 cuts of tests/images/test_videos.py it takes 58
+for a whole video, with every packet decoded, its marks of corruption read, and frames and seconds compared with
 the header (28 of 85 cuts of a program stream, 16 of 173 of Matroska, 14 of 341 of the others); these walks take none.
 
 Sources: AVI RIFF File Reference (Microsoft) with the OpenDML extensions 1.02; ISO/IEC 13818-1 for program streams;

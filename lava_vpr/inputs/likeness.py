@@ -1,6 +1,6 @@
 """What an image has in common with all that a map has seen.
 
-The activity a of its inputs, of length 1, is held against the mean M of the references':
+The activity a of its inputs, of length 1, is compared with the mean M of the references':
 
 * What is ``unlike``: the deficit of cos(a, M), in units of `DEFICIT` standard deviations of what it is of each
   reference and the others; or the share of the references' energy in rows and columns at the edges in which the image

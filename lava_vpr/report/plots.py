@@ -255,7 +255,7 @@ class Mark(NamedTuple):
 
 
 def held_marks(matches: NDArray[np.integer[Any]], correct: NDArray[np.bool_]) -> tuple[Mark, ...]:
-    """Queries that were held against the truth: shape and colour both tell whether a match is right."""
+    """Queries that were compared with the truth: shape and colour both tell whether a match is right."""
     return (
         Mark("missing", "muted", "s", matches < 0),
         Mark("right", "right", "o", correct),

@@ -1,15 +1,15 @@
 """Arrays of files: ``.npy`` files and archives of them, and what an array must be: type, shape, range of its values.
 
 One reader serves containers, bundles and files of other programs. The header of a ``.npy`` file is read by a pattern,
-not as Python, and held against the length of the file before memory is taken. What is read is version 1 of the format,
+not as Python, and checked by the length of the file before memory is taken. What is read is version 1 of the format,
 which `numpy.save` writes for every plain array
 (https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html). numpy.lib.format (1.26) cannot take the
 pattern's place: of 22,607 headers that it refuses it takes 302 (other names and orders of bytes, truth values and
 comments) and answers 7,008 with errors of Python's compiler, up to a MemoryError.
 
 Zip archives of arrays, our own and those of other programs, are read within one budget of memory: names, lengths and
-methods are read from the archive's directory, and what it unpacks to is held against a limit before an entry is opened.
-An entry takes the memory of its numbers once, and never more than the directory says.
+methods are read from the archive's directory, and the size that it unpacks to must be within a limit before an entry is
+opened. An entry takes the memory of its numbers once, and never more than the directory says.
 """
 
 from __future__ import annotations

@@ -324,7 +324,7 @@ def check_conditions(conditions: Sequence[str]) -> None:
 
 
 def replace_folder(folder: Path, write: Callable[[Path], None], keep: Collection[str] = ()) -> None:
-    """Let ``write`` fill a new folder with journeys, and put it in the place of ``folder`` when it is complete.
+    """Let ``write`` fill a new folder with journeys, and replace ``folder`` with it when it is complete.
 
     Args:
         folder: The folder; created with its parents. An earlier result is replaced; its permissions stay.

@@ -1,7 +1,7 @@
 """What Lava's own library has for this project's Processes: their SubProcessModels, which a chip can run.
 
 A run that prefers SubProcessModels (``select_sub_proc_model=True``) puts LIF, LIFReset, Dense, Sparse and LearningDense
-in the place of this project's Processes: simulated under ``Loihi2SimCfg``, on the chip under ``Loihi2HwCfg``. What the
+instead of this project's Processes: simulated under ``Loihi2SimCfg``, on the chip under ``Loihi2HwCfg``. What the
 library lacks is refused. In a ``process.py`` these models come before those for the CPU: Lava 0.10 counts positions
 among SubProcessModels as if they were positions among all (``magma/core/run_configs.py:285``).
 """
@@ -84,7 +84,7 @@ def library_neurons(proc: LifProcess, floating: bool) -> LIF:
 
 
 class LibraryNeurons(AbstractSubProcessModel):
-    """A population of Lava's library in the place of a `LifProcess`."""
+    """A population of Lava's library instead of a `LifProcess`."""
 
     floating: bool
 
@@ -98,7 +98,7 @@ class LibraryNeurons(AbstractSubProcessModel):
 
 
 class LibrarySynapses(AbstractSubProcessModel):
-    """Synapses of Lava's library in the place of this project's; those of a model are what `made` makes."""
+    """Synapses of Lava's library instead of this project's; those of a model are what `made` makes."""
 
     floating: bool
     shared: tuple[str, ...] = ("a_buff", "weights")

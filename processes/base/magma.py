@@ -210,7 +210,7 @@ class RegisterVar(Var):
     """A Var whose new values are checked when it is set, while the integer model runs.
 
     Attributes:
-        constant: Lava's library runs in the place of the Process and has no such Var: it keeps its first value.
+        constant: Lava's library runs instead of the Process and has no such Var: it keeps its first value.
     """
 
     constant = False

@@ -93,7 +93,7 @@ class Way(NamedTuple):
 
     Attributes:
         tag: Tag of the models: ``fixed_pt`` or ``floating_pt``.
-        library: Lava's own library in the place of this project's models.
+        library: Lava's own library instead of this project's models.
         board: On a Loihi 2 board instead of in simulation; of the library, too.
     """
 

@@ -297,7 +297,7 @@ class LateralInhibition(CheckedProcess):
 
         Args:
             shape: (neurons,).
-            inhibition: What a spike takes from every other neuron, at least 0.
+            inhibition: How much a spike inhibits every other neuron, at least 0.
         Raises:
             NetworkLimitError: a shape or an inhibition out of its range.
         """

@@ -1,1 +1,1 @@
-"""The golden files: what commands and calls give, byte for byte, held against a committed record."""
+"""The golden files: what commands and calls give, byte for byte, compared with a committed record."""

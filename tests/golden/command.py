@@ -1,10 +1,10 @@
-"""The golden files: all that commands and calls give, held against the committed record, byte for byte.
+"""The golden files: all that commands and calls give, compared with the committed record, byte for byte.
 
     python scripts/golden.py compare              run all cases, and compare with tests/golden/record.json
     python scripts/golden.py compare DIR          compare a capture with the record
     python scripts/golden.py compare DIR1 DIR2    compare two captures, and show where files differ first
     python scripts/golden.py capture DIR          run all cases, and keep all that they give
-    python scripts/golden.py record               run all cases, and write the record anew
+    python scripts/golden.py record               run all cases, and write the record again
     python scripts/golden.py list                 the cases
 
 Cases that want real images (LAVA_VPR_DATA) or AVX-512 are left out without, and counted.
@@ -40,7 +40,7 @@ def main(words: Sequence[str]) -> int:
         help="cases of such keys, as 'help/*'; repeat it for several",
     )
     parser.add_argument("--jobs", type=int, default=2, help="cases at a time (default: 2)")
-    parser.add_argument("--apart", action="store_true", help="run each command in a process that starts anew")
+    parser.add_argument("--apart", action="store_true", help="run each command in a process of its own")
     asked = parser.parse_args(words)
     asked.folders = [folder.absolute() for folder in asked.folders]
     most = {"compare": 2, "capture": 1}.get(asked.do, 0)

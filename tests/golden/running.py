@@ -68,7 +68,7 @@ def run_all(
         out: A new or empty folder.
         jobs: Processes at a time.
         data: The folder with real images.
-        apart: Whether each command is run in a process that starts anew.
+        apart: Whether each command is run in a process of its own.
         told: Is told of each case that it is done.
     """
     waiting, running, done = with_needs(chosen), dict[int, tuple[Case, Work]](), set[str]()

@@ -132,17 +132,15 @@ def test_pages_and_help_speak_the_fields_english(page: Path) -> None:
 
 
 def texts(node: ast.AST) -> list[str]:
-    """All strings of a module but docstrings: messages, and what tables hold; a formatted one without its values."""
-    if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
-        return []
+    """All strings of a module: docstrings, messages, and what tables hold; a formatted one without its values."""
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
-        return [node.value.lower()]
+        return [" ".join(node.value.lower().split())]
     found = [text for child in ast.iter_child_nodes(node) for text in texts(child)]
     return ["".join(found)] if isinstance(node, ast.JoinedStr) else found
 
 
 @pytest.mark.parametrize("room", ["lava_vpr", "processes", "deploy"])
-def test_messages_speak_the_fields_english(room: str) -> None:
+def test_docstrings_and_messages_speak_the_fields_english(room: str) -> None:
     said = [
         (path.name, text)
         for path in sorted((ROOT / room).rglob("*.py"))

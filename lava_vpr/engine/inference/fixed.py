@@ -101,7 +101,7 @@ class FixedNetwork:
         inhibition_exponent: Exponent of those synapses.
         decay: dv in units of 2^-12.
         steps: Steps with input in one presentation.
-        regular: Whether inputs spike regularly (`engine.inference.bias_input`) instead of by Poisson draws.
+        regular: Whether inputs spike regularly (`engine.inference.biases`) instead of by Poisson draws.
         bias_input: Whether regular inputs are compartments of the chip, which integrate a bias; else all input spikes
             are injected.
         model: The neuron model (`lava_vpr.neurons.models`); boards, Processes and other formats have ``lif`` alone.

@@ -26,7 +26,7 @@ class Thresholds(NamedTuple):
     Attributes:
         theta: Thresholds of the neurons, (neurons,); a view, so writing to it changes the network.
         start: The threshold at the start of learning.
-        highest: A threshold that no membrane reaches in practice.
+        highest: A threshold that no membrane exceeds in practice.
     """
 
     theta: NDArray[Any]
