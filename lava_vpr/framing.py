@@ -1,9 +1,8 @@
 """What is encoded of an image: all of it, or what stands between the bars at its edges (``--crop auto``).
 
 Bars are cropped where an image was squeezed between them, and masked where they cover a part of it: then what is seen
-stays where it is, and inputs under a bar are silent. Pixels do not tell which it is. Queries are compared
-with the references in each way, and the way that fits better, by the cosine of the inputs that are not silent, is
-taken.
+stays where it is, and inputs under a bar are silent. Pixels do not tell which it is. Queries are compared with the
+references in each way, and the way that fits better, by the cosine of the inputs that are not silent, is taken.
 References have nothing to be compared with: equal bars on opposite edges are taken for those of a squeezed image,
 others for painted ones.
 """

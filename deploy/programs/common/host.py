@@ -66,8 +66,7 @@ class Host:
         raise NotImplementedError
 
     def further(self) -> List[Any]:
-        """The rungs that this board has beside those of every board: each has what `Rung` has by name, and its
-        counts."""
+        """The rungs that this board has beside those of every board, of any kind that `ask` takes."""
         return []
 
     def use(self, ways: FrozenSet[str]) -> None:

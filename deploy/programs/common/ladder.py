@@ -17,8 +17,8 @@ REFERENCES = ("one reference", "all references")
 
 
 def rows_of(rungs: Sequence[Any], shape: tuple) -> List[dict]:
-    """A row for every rung (`rungs.Rung`, or what has its names), which `climb` fills in; ``shape``: steps with input
-    and silent ones of a presentation."""
+    """A row for every rung, of which name, proves, failure and counts are asked, and which `climb` fills in; ``shape``:
+    steps with input and silent ones of a presentation."""
     rows = []
     for rung in rungs:
         said = {name: getattr(rung, name) for name in ("name", "proves", "failure")}

@@ -16,16 +16,6 @@ BEGIN, LATER, NEVER = 40, 100, 0
 """Biases of sources, whose thresholds are `AT_ONCE` and `SUMMED`: spikes in the first step, in the third, and none."""
 AT_ONCE, SUMMED = 1, 200
 ENDING = 4  # steps before the last one with input, in which watchers are silenced: nothing is on its way after it
-FAILURES = {
-    "clock": "a bias counts otherwise, or rows with an exponent of their own are stored otherwise",
-    "pixels": "biases are not those that the host writes before each query, or are summed up otherwise",
-    "filters": "a current does not last where decayU is 0, or outlives the query",
-    "pairs": "two spikes that come in different steps are not summed up",
-    "onsets": "a neuron does not silence itself for the rest of a query",
-    "cells": "what a neuron takes from its own current is not felt in the next step, or that current does not last",
-    "pools": "spikes of several neurons are not summed up, or what silences these comes late",
-}
-
 
 Neuron = Tuple[int, int, int]  # decays of u and v, threshold
 Synapse = Tuple[int, int, int]  # source, target, weight
@@ -39,6 +29,7 @@ class LayerRung(NamedTuple):
 
     layer: str
     proves: str
+    failure: str
     neurons: List[Neuron]
     synapses: List[Synapse]
     biases: List[List[int]]
@@ -47,11 +38,6 @@ class LayerRung(NamedTuple):
     def name(self) -> str:
         """As the ladder has it."""
         return "front end: " + self.layer
-
-    @property
-    def failure(self) -> str:
-        """What its failure means."""
-        return FAILURES[self.layer]
 
     @property
     def presentations(self) -> int:
@@ -82,11 +68,12 @@ def layer_rungs(steps: int) -> List[LayerRung]:
     once, later, lasting = (*SUMMING, AT_ONCE), (*SUMMING, SUMMED), (*LASTING, 500)
     pixel, pair, pool, cell = (*SUMMING, 300), (*SUMMING, 1), (*SUMMING, 4), (*REPEATING, 8)
     sources, twice = [once, later, once], [[BEGIN, LATER, NEVER]] * 2
-    taken, driven = [(3, 3, -16), (4, 4, -16)], [(0, 3, 112), (0, 4, 112)]  # of two cells
+    taken = [(3, 3, -16), (4, 4, -16)]  # of two cells, from their own currents
 
     def rung(
         layer: str,
         proves: str,
+        failure: str,
         neurons: List[Neuron],
         synapses: List[Synapse],
         biases: List[List[int]],
@@ -98,12 +85,13 @@ def layer_rungs(steps: int) -> List[LayerRung]:
         silenced = [(i, i, SILENCE) for i in range(end + 1) if every[i] != cell]
         watching = [(source, w, SILENCE) for w, i in enumerate(watched, end + 1) for source in (i, end)]
         given = [row + [0] * (end - len(row)) + [1] + [BEGIN for _ in watched] for row in biases]
-        return LayerRung(layer, proves, every, synapses + silenced + watching, given)
+        return LayerRung(layer, proves, failure, every, synapses + silenced + watching, given)
 
     return [
         rung(
             "clock",
             "a bias makes a neuron spike, which silences itself and hands its spike on, a step each",
+            "a bias counts otherwise, or rows with an exponent of their own are stored otherwise",
             [once] * 4,
             [(0, 1, 2), (1, 2, 2), (2, 3, 2)],
             [[BEGIN]] * 2,
@@ -112,6 +100,7 @@ def layer_rungs(steps: int) -> List[LayerRung]:
         rung(
             "pixels",
             "the host writes biases before each query; a greater one makes a neuron spike earlier, a clock's spike too",
+            "biases are not those that the host writes before each query, or are summed up otherwise",
             [once, pixel, pixel, pixel],
             [(0, 1, 100), (0, 2, 100), (0, 3, 100)],
             [[BEGIN, 120, 50, 1], [BEGIN, 1, 120, 50]],
@@ -120,6 +109,7 @@ def layer_rungs(steps: int) -> List[LayerRung]:
         rung(
             "filters",
             "a spike is a current that lasts, of either sign, and is gone before the next query",
+            "a current does not last where decayU is 0, or outlives the query",
             [*sources, lasting, lasting, lasting],
             [(0, 3, 127), (0, 4, 127), (1, 4, -127), (1, 5, 127)],
             twice,
@@ -128,6 +118,7 @@ def layer_rungs(steps: int) -> List[LayerRung]:
         rung(
             "pairs",
             "a neuron spikes when both of two have spiked, whichever came first",
+            "two spikes that come in different steps are not summed up",
             [*sources, pair, pair],
             [(0, 3, 1), (1, 3, 1), (0, 4, 1), (2, 4, 1)],
             twice,
@@ -136,6 +127,7 @@ def layer_rungs(steps: int) -> List[LayerRung]:
         rung(
             "onsets",
             "a neuron spikes with the first of several, once",
+            "a neuron does not silence itself for the rest of a query",
             [*sources, once, once, once],
             [(0, 3, 2), (1, 3, 2), (1, 4, 2), (2, 5, 2)],
             twice,
@@ -144,6 +136,7 @@ def layer_rungs(steps: int) -> List[LayerRung]:
         rung(
             "cells",
             "a neuron spikes in every step, as often as what it takes from its current lets it",
+            "what a neuron takes from its own current is not felt in the next step, or that current does not last",
             [*sources, cell, cell],
             [(0, 3, 112), (1, 4, 48), *taken],
             twice,
@@ -151,8 +144,9 @@ def layer_rungs(steps: int) -> List[LayerRung]:
         rung(
             "pools",
             "a neuron sums up the spikes of several, and silences these after so many",
+            "spikes of several neurons are not summed up, or what silences these comes late",
             [*sources, cell, cell, pool],
-            [*driven, *taken, (3, 5, 1), (4, 5, 1), (5, 3, -127), (5, 4, -127)],
+            [(0, 3, 112), (0, 4, 112), *taken, (3, 5, 1), (4, 5, 1), (5, 3, -127), (5, 4, -127)],
             twice,
         ),
     ]

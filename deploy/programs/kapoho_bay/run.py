@@ -127,7 +127,7 @@ class KapohoBay(host.Host):
         self.forms = formats_of(self.network)
         self.own = format_rungs(self.forms, bits, bool(signed), size << exponent)
         self.layers = layer_forms(self.network)
-        layers = [rung for rung in layer_rungs(self.network.steps) if self.layers]
+        layers = layer_rungs(self.network.steps) if self.layers else []
         return [*(rung for rung, _ in self.own.values()), tables_rung(bits), *layers]
 
     def use(self, ways: FrozenSet[str]) -> None:
