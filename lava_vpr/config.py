@@ -293,6 +293,11 @@ class Config:
         front_end = self.encoder.front_end
         if front_end is not None and front_end.window and self.events.image != "counts":
             raise ConfigError(f"encoder.kind {self.encoder.kind!r} takes numbers of events; set events.image to counts")
+        if self.encoder.direct is not None and not (_hears(self.network) and self.learning.rule != "slayer"):
+            raise ConfigError(
+                f"encoder.kind {self.encoder.kind!r} takes the network lif with signed weights, its trains regular and "
+                "injected, and no learning by slayer; use these, or encoder.kind frontend"
+            )
         if isinstance(self.network, ConductanceNetwork) and not INPUTS[self.encoder.kind].grey_levels:
             kinds = " or ".join(repr(name) for name, row in INPUTS.items() if row.grey_levels)
             raise ConfigError(f"the conductance network takes encoder.kind {kinds}, not {self.encoder.kind!r}")
@@ -302,6 +307,13 @@ class Config:
         if isinstance(self.network, LifNetwork) and self.network.neurons == 0:
             return max(1, round(self.network.neurons_per_place * places))
         return self.network.neurons
+
+
+def _hears(network: LifNetwork | ConductanceNetwork) -> bool:
+    """Whether neurons of ``network`` can hear the cells of a front end themselves."""
+    if not isinstance(network, LifNetwork) or network.model != LIF.name or not network.signed:
+        return False
+    return network.trains == "regular" and network.input_mode == "injected"
 
 
 PRESETS = {
@@ -315,7 +327,15 @@ PRESETS = {
     # The default's learning, and queries in a quarter of the steps, with coarser weights; a spiking front end as short.
     "fast": Config(
         preset="fast",
-        encoder=EncoderConfig(query_spikes=16.0, query_inputs=420, pixel_levels=16, race_steps=8),
+        encoder=EncoderConfig(
+            query_spikes=16.0,
+            query_inputs=420,
+            pixel_levels=16,
+            race_steps=8,
+            direct_levels=12,
+            direct_race=9,
+            read_steps=6,
+        ),
         network=LifNetwork(steps=32, weight_bits=2, threshold=0.35),
     ),
     # Finer orientations, spikes to match, and weights less what a place shares with its surroundings: for long maps.

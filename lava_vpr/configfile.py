@@ -19,6 +19,8 @@ from lava_vpr.storage.reading import read_bytes
 
 FRONT_END_BEFORE = {"pixel_levels": 32, "race_steps": 15}
 """Settings of the encoder that older files lack, and what they were then."""
+OF_DIRECT = ("direct_levels", "direct_race", "read_steps")
+"""Settings of the encoder for neurons that hear the cells themselves, which other files lack."""
 _LONGEST_LINE, _LONGEST_NAME = 1000, 60
 
 
@@ -30,11 +32,11 @@ def to_dict(config: Config) -> dict[str, Any]:
     )
     if made["network"].get("surroundings") == 0:
         del made["network"]["surroundings"]
-    if config.encoder.front_end is None:
-        own = PRESETS.get(config.preset, Config()).encoder
-        for name in FRONT_END_BEFORE:
-            if made["encoder"][name] == getattr(own, name):
-                del made["encoder"][name]
+    own = PRESETS.get(config.preset, Config()).encoder
+    unused = () if config.encoder.front_end is not None else tuple(FRONT_END_BEFORE)
+    for name in unused + (() if config.encoder.direct is not None else OF_DIRECT):
+        if made["encoder"][name] == getattr(own, name):
+            del made["encoder"][name]
     return made
 
 

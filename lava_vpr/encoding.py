@@ -23,6 +23,7 @@ from lava_vpr.errors import InputError, shown
 from lava_vpr.images.imagefiles import side_by_side
 from lava_vpr.images.sampling import Sample
 from lava_vpr.inputs.encoder import INPUTS, THUMBNAIL, EncodedTraverse, EncoderConfig, Keep
+from lava_vpr.inputs.front_end import BURST
 from lava_vpr.inputs.kernels import shared_out
 from lava_vpr.inputs.patches import HOG_VALUES, PATCH_SIDE, averaged, hog, patch_normalised
 from lava_vpr.inputs.vectors import Standard, picture_of
@@ -355,8 +356,16 @@ def rates32(activity: NDArray[np.float32], max_rate_hz: float, dt_ms: float) -> 
 
 
 def query_rates16(activity: NDArray[np.float32], encoder: EncoderConfig) -> NDArray[np.uint16]:
-    """Rates of a query of the integer network (and of a reference for its response), uint16 (n, inputs)."""
+    """Rates of a query of the integer network (and of a reference for its response), uint16 (n, inputs); of cells that
+    neurons hear directly, their bursts (`lava_vpr.inputs.front_end.FrontEnd.burst_codes`)."""
+    if encoder.direct is not None:
+        return encoder.direct.burst_codes(activity)
     return rates16(activity, encoder.query_spikes, encoder.query_inputs)
+
+
+def strengths(rates: NDArray[Any], encoder: EncoderConfig) -> NDArray[Any]:
+    """What similarities compare of the rates of queries, (n, inputs): these, or how many spikes each burst has."""
+    return rates if encoder.direct is None else rates % BURST
 
 
 def training_rates(activity: NDArray[np.float32], config: Config) -> NDArray[np.uint16] | NDArray[np.uint32]:
@@ -403,6 +412,12 @@ def draw_trains(
     return trains
 
 
+def burst_trains(bursts: NDArray[np.uint16], total: int) -> NDArray[np.uint8]:
+    """The spikes that ``bursts`` (n, inputs) are, uint8 (n, total, inputs) (`FrontEnd.burst_codes`)."""
+    step, first = np.arange(total)[:, None], (bursts // BURST)[:, None]
+    return ((step >= first) & (step < first + (bursts % BURST)[:, None])).astype(np.uint8)
+
+
 def spike_trains(
     network: FixedNetwork,
     rates: NDArray[np.uint16],
@@ -413,5 +428,8 @@ def spike_trains(
 ) -> Trains:
     """Every spike of many presentations to ``network``, by the host engine; arguments as in `fixed.count_spikes`."""
     _, _, exc = fixed.count_spikes(network, rates, keys, bias=bias, threads=threads, raster=True)
-    inputs = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
+    if network.direct:
+        inputs = burst_trains(rates, network.interval)
+    else:
+        inputs = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
     return Trains(exc, inputs, fixed.inhibitory_spikes(network, exc))

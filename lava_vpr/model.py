@@ -16,7 +16,7 @@ from lava_vpr.config import Config, IntegerConfig, as_integer_config
 from lava_vpr.configfile import to_dict
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.errors import LavaVprError, ModelFileError, shown
+from lava_vpr.errors import ConfigError, LavaVprError, ModelFileError, shown
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.matching import decoders
 from lava_vpr.matching.equations import assign
@@ -161,25 +161,34 @@ def integer_model(model: Model, purpose: str, path: Path | None = None) -> Integ
     return integer
 
 
-def lif_model(model: Model, purpose: str, path: Path | None = None) -> IntegerModel:
+def lif_model(model: Model, purpose: str, path: Path | None = None, *, direct: bool = False) -> IntegerModel:
     """As `integer_model`, for what takes LIF neurons alone: boards and formats of other programs.
 
+    Args:
+        model, purpose, path: As there.
+        direct: Whether neurons may hear the cells of a front end themselves.
     Raises:
-        ConfigError: the model is the float conductance model, or one of other neurons.
+        ConfigError: the model is the float conductance model, or one of other neurons or inputs.
     """
     integer = integer_model(model, purpose, path)
     integer.neuron_model.check(purpose, path)
+    if integer.network.direct and not direct:
+        where = "" if path is None else f"{path}: "
+        raise ConfigError(
+            f"{where}{purpose} takes inputs that have rates, but these neurons hear the cells of the front end "
+            "themselves; train with --input frontend"
+        )
     return integer
 
 
-def checked_network(model: Model, purpose: str) -> FixedNetwork:
+def checked_network(model: Model, purpose: str, *, direct: bool = False) -> FixedNetwork:
     """The integer network of ``model``, seen not to overflow Loihi's registers.
 
     Raises:
         ConfigError: the model is the float conductance model, or ``purpose``, a backend, lacks its neurons.
         NetworkLimitError: the network could overflow.
     """
-    network = lif_model(model, purpose).network
+    network = lif_model(model, purpose, direct=direct).network
     network.check()
     return network
 

@@ -39,7 +39,7 @@ from lava_vpr.config import UNSIGNED, ConductanceLearning, ConductanceNetwork, C
 from lava_vpr.configfile import of_file
 from lava_vpr.engine import effort
 from lava_vpr.engine.conductance.model import ConductanceState
-from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
+from lava_vpr.engine.inference.fixed import OF_DIRECT, SCALARS, FixedNetwork
 from lava_vpr.errors import ConfigError, brief
 from lava_vpr.inputs.encoder import INPUTS, EncoderConfig
 from lava_vpr.inputs.patches import HOG_VALUES
@@ -263,8 +263,9 @@ def _network(
     if isinstance(config.network, ConductanceNetwork):
         return ConductanceState(**own)
     fixed = header["fixed"]
-    if not isinstance(fixed, dict) or set(fixed) != set(SCALARS):
-        raise UnfitError(f"fixed {brief(fixed)}, which must be {', '.join(SCALARS)}")
+    wanted = (*SCALARS, *([OF_DIRECT] if config.encoder.direct else []))
+    if not isinstance(fixed, dict) or set(fixed) != set(wanted):
+        raise UnfitError(f"fixed {brief(fixed)}, which must be {', '.join(wanted)}")
     for name, value in fixed.items():
         count(value, name, -MOST_COUNT)
     return replace(FixedNetwork.of_scalars(own["weights"], own["bias"], fixed), model=config.network.model)
@@ -275,9 +276,11 @@ def _agree(network: FixedNetwork, config: Config) -> None:
     settings = config.network
     if isinstance(settings, ConductanceNetwork):
         raise UnfitError("an integer network with the settings of the conductance model")
+    before = config.encoder.direct
     for name, own, set_to in (
         ("neurons of the model", network.model, settings.model),
-        ("presentations of steps", network.interval, settings.steps),
+        ("presentations of steps", network.interval, settings.steps if before is None else before.steps),
+        ("bias in step", network.direct, 0 if before is None else before.offset_step),
         ("bits", network.bits, settings.weight_bits),
         ("signed", int(network.signed), int(settings.signed)),
         ("regular", int(network.regular), int(settings.trains == "regular")),

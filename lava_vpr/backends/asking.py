@@ -73,6 +73,8 @@ class Asking:
         network, alone = model.config.network, motion == NONE and not self.learn
         if not self.tracked_adapt or alone or not isinstance(network, LifNetwork) or not network.signed:
             return self
+        if model.config.encoder.direct is not None:
+            return self
         return replace(self, adapt=network.adapt or (LifNetwork.adapt if self.learn else None))
 
     @property
@@ -98,6 +100,11 @@ class Asking:
         if option is None:
             return
         integer = integer_model(model, option)
+        if model.config.encoder.direct is not None:
+            raise ConfigError(
+                f"{option} needs rates of inputs, but these neurons hear the cells of the front end themselves; train "
+                "with --input frontend"
+            )
         if self.season is not None:
             check_season(self.season, integer)
         if self.replay is not None:

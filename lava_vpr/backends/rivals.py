@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from lava_vpr.backends.asking import PLAINLY, Asking, adapted_scores, summed
 from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
-from lava_vpr.encoding import EncodedTraverse, Keep, query_rates
+from lava_vpr.encoding import EncodedTraverse, Keep, query_rates, strengths
 from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.errors import ConfigError, InputError, shown
 from lava_vpr.inputs.encoder import INPUTS
@@ -212,7 +212,9 @@ class Rivals:
         """What a baseline but ``template`` sees of the queries and of the references, an item each."""
         if name in _COMPARED:
             return compared(self.model, self.queries, name)
-        return self._rates, query_rates(self.model.activity, self.model.config)
+        pair = self._rates, query_rates(self.model.activity, self.model.config)
+        seen, references = (strengths(rates, self.model.config.encoder) for rates in pair)
+        return seen, references
 
     def _similar(
         self, name: str, references: NDArray[Any], seen: NDArray[Any], rows: slice = slice(None)

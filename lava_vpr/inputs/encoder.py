@@ -32,12 +32,15 @@ class EncoderConfig:
     """How an image becomes spike probabilities.
 
     Attributes:
-        kind: Name of a row in `INPUTS`: ``orientation`` (complex-cell edge channels), ``frontend`` (the spiking
-            front end, whose settings are the next two), ``frontend-events`` (the same, which events drive, of another
-            length), ``onoff`` or ``pixels`` (the paper's patch-normalised ones), or ``events`` (``orientation`` of
-            images of events); or of descriptors in place of images ``vector`` or ``rates``.
+        kind: Name of a row in `INPUTS`: ``orientation`` (complex-cell edge channels), ``frontend`` (the spiking front
+            end, whose settings are the next two), ``frontend-direct`` (the same, whose cells' spikes reach the neurons
+            of places as they come), ``frontend-events`` (``frontend`` of another length, which events drive), ``onoff``
+            or ``pixels`` (the paper's patch-normalised ones), or ``events`` (``orientation`` of images of events); or
+            of descriptors in place of images ``vector`` or ``rates``.
         pixel_levels: ``frontend``: levels of a pixel, one a step of a presentation.
         race_steps: ``frontend``: steps of a presentation in which filters spike.
+        direct_levels, direct_race: The same of ``frontend-direct``.
+        read_steps: ``frontend-direct``: steps after the cells' last spikes in which neurons spike.
         image_size: Side in pixels of the square image that the orientation channels are computed on.
         cell: Side in pixels of one pooling cell; ``image_size`` must be a multiple of it.
         orientations: Number of orientations, evenly spaced over 180 degrees.
@@ -61,6 +64,9 @@ class EncoderConfig:
     kind: str = "orientation"
     pixel_levels: Annotated[int, Range(2, 40)] = FrontEnd.levels
     race_steps: Annotated[int, Range(2, 16)] = FrontEnd.race
+    direct_levels: Annotated[int, Range(2, 40)] = 18
+    direct_race: Annotated[int, Range(2, 16)] = 14
+    read_steps: Annotated[int, Range(1, 32)] = 16
     image_size: Annotated[int, Range(8, 512)] = 64
     cell: Annotated[int, Range(1, 512)] = 4
     orientations: Annotated[int, Range(2, 16)] = 8
@@ -93,6 +99,12 @@ class EncoderConfig:
     def inputs(self) -> int:
         """The number of input neurons."""
         return self.layout.inputs
+
+    @property
+    def direct(self) -> FrontEnd | None:
+        """The front end whose cells the neurons of places hear themselves; None: inputs have rates."""
+        before = self.front_end
+        return before if before is not None and before.reading else None
 
     @property
     def front_end(self) -> FrontEnd | None:
@@ -185,13 +197,17 @@ def spiking_input(name: str, made: Callable[[EncoderConfig], FrontEnd], legend: 
         name,
         layout=lambda encoder: ChannelLayout(made(encoder).orientations, made(encoder).grid),
         sees="image",
-        activity=lambda image, encoder: made(encoder).spikes(image)[0].astype(np.float32).reshape(-1),
+        activity=lambda image, encoder: _cells(made(encoder), image),
         grey_levels=False,
         drawing="strokes",
         legend=legend,
         oriented=True,
         front_end=made,
     )
+
+
+def _cells(spec: FrontEnd, image: NDArray[np.uint8]) -> NDArray[np.float32]:
+    return (spec.bursts(image) if spec.reading else spec.spikes(image)[0].astype(np.float32)).reshape(-1)
 
 
 STROKES = "A stroke runs along the edge that excites the neuron; the longer and stronger, the larger the weight."
@@ -209,6 +225,11 @@ for _row in (
         oriented=True,
     ),
     spiking_input("frontend", lambda encoder: front_end(encoder.pixel_levels, encoder.race_steps), STROKES),
+    spiking_input(
+        "frontend-direct",
+        lambda encoder: front_end(encoder.direct_levels, encoder.direct_race, encoder.read_steps),
+        STROKES,
+    ),
     spiking_input("frontend-events", lambda encoder: EVENT_FRONT_END, EVENT_STROKES),
     Input(
         "onoff",

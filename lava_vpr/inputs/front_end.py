@@ -20,6 +20,9 @@ spikes of the neurons that
    is divided by what is around, and a cell's count is the logarithm of a ratio.
 
 The counts are the activity. The kernel beside makes them, for each cell those of the populations.
+
+With ``reading`` steps the network of places hears the cells themselves, as they spike (``--input frontend-direct``;
+`lava_vpr.engine.inference.direct`): a presentation then ends with these steps, and its bursts are the activity.
 """
 
 from __future__ import annotations
@@ -27,6 +30,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import cv2
 import numpy as np
@@ -37,6 +41,10 @@ from lava_vpr.inputs.front_end_kernels import RaceNumbers, counted
 from lava_vpr.inputs.patches import averaged
 from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT, STATE_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 
+BURST = 8
+"""A burst is the step of its first spike times this, plus the number of its spikes, which is less."""
+_FRACTION = 128
+"""Steps that a burst's fraction is in units of; more than twice those of a presentation."""
 COLUMNS = 2
 """Every other column of pixels has filters."""
 LONGEST = 64
@@ -72,6 +80,8 @@ class FrontEnd:
         most: Most spikes of a cell.
         window: Steps in which events arrive, before those of the levels; 0: images of grey levels are shown.
         axons: Rows and columns of axons of a pixel, which events arrive on.
+        reading: Steps after the cells' last spikes in which neurons of places, which hear the cells directly, spike;
+            0: none hears them.
     """
 
     width: int = 64
@@ -91,6 +101,7 @@ class FrontEnd:
     most: int = 7
     window: int = 0
     axons: int = 2
+    reading: int = 0
 
     def __post_init__(self) -> None:
         for name, value, unit in (
@@ -100,6 +111,8 @@ class FrontEnd:
         ):
             if value % unit:
                 raise ConfigError(f"a front end's {name} is {value}, but must be a multiple of {unit}")
+        if self.reading and self.most >= BURST:
+            raise ConfigError(f"cells that neurons hear have at most {BURST - 1} spikes, not {self.most}; use fewer")
         if self.steps > LONGEST:
             raise ConfigError(f"a presentation of {self.steps} steps is longer than {LONGEST}; use fewer levels")
 
@@ -131,8 +144,18 @@ class FrontEnd:
 
     @property
     def steps(self) -> int:
-        """Steps of a presentation: those in which cells can spike, and two until nothing is in flight."""
-        return self.end + 2
+        """Steps of a presentation: those in which neurons can spike, and two until nothing is in flight."""
+        return self.ticks + 2
+
+    @property
+    def ticks(self) -> int:
+        """Steps in which the clock spikes, with a neuron for each: the last silences cells, or who hears them."""
+        return self.end + self.reading
+
+    @property
+    def offset_step(self) -> int:
+        """The step, the last of the race, in which neurons that hear cells directly get what the clock adds."""
+        return self.window + self.levels + self.race
 
     @property
     def end(self) -> int:
@@ -144,7 +167,7 @@ class FrontEnd:
         """The number of neurons of each population."""
         sites, cells = self.height * self.width // COLUMNS * self.directions, self.grid**2 * self.orientations
         return {
-            "clock": self.end,
+            "clock": self.ticks,
             "pixels": self.height * self.width,
             "filters": sites,
             "pairs": sites,
@@ -152,6 +175,14 @@ class FrontEnd:
             "cells": cells,
             "pools": self.grid**2,
         }
+
+    def further_groups(self) -> dict[str, Any]:
+        """Populations behind the front end, as `lava_vpr.inputs.front_end_network.populations` has them: none."""
+        return {}
+
+    def further_weights(self) -> dict[tuple[str, str], Any]:
+        """Synapses to them, as `lava_vpr.inputs.front_end_network.all_weights` has them: none."""
+        return {}
 
     @property
     def accesses(self) -> int:
@@ -311,6 +342,28 @@ class FrontEnd:
         _, (counts, spikes, _, _) = counted(self.levels_of(self.seen(image)), self.numbers)
         return counts, spikes
 
+    def bursts(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """The burst of each cell that sees ``image``, float32 (orientations, grid, grid): how many spikes, and in the
+        fraction, the earlier the larger, when it begins (`burst_codes`)."""
+        return self.bursts_of(self.seen(image))
+
+    def bursts_of(self, shown: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """`bursts` of what `seen` made of an image, uint8 (*shape,)."""
+        _, (counts, _, onsets, _) = counted(self.levels_of(shown), self.numbers)
+        earliness = (LONGEST - self.window - 1 - onsets) / np.float32(_FRACTION)
+        return np.where(counts > 0, counts + earliness, 0).astype(np.float32)
+
+    def burst_codes(self, activity: NDArray[np.float32]) -> NDArray[np.uint16]:
+        """Bursts (..., cells) as whole numbers: the step of the first spike times `BURST`, plus how many there are.
+
+        Args:
+            activity: `bursts`; of images that were altered, any real numbers of at least 0.
+        """
+        counts = np.minimum(np.floor(activity), self.most)
+        first = LONGEST - np.rint((activity - np.floor(activity)) * _FRACTION)
+        first = np.clip(first, self.window + self.levels, self.end - counts)
+        return np.where(counts > 0, first * BURST + counts, 0).astype(np.uint16)
+
     def trains(self, grey: NDArray[np.uint8]) -> dict[str, NDArray[np.uint8]]:
         """Every spike of each population by name, uint8 (n, steps, neurons).
 
@@ -318,7 +371,7 @@ class FrontEnd:
             grey: What the front end is given of each image (`seen`), uint8 (n, *shape).
         """
         films = {name: np.zeros((len(grey), self.steps, n), np.uint8) for name, n in self.populations.items()}
-        films["clock"][:, np.arange(self.end), np.arange(self.end)] = 1
+        films["clock"][:, np.arange(self.ticks), np.arange(self.ticks)] = 1
         now = np.arange(self.steps)[:, None]
         for number, image in enumerate(self.levels_of(grey)):
             times, (counts, _, onsets, silent) = counted(image, self.numbers)
@@ -348,6 +401,6 @@ EVENT_FRONT_END = FrontEnd(levels=8, white=20, pixel_octaves=3.0, race=15, windo
 
 
 @lru_cache(maxsize=8)
-def front_end(levels: int, race: int) -> FrontEnd:
+def front_end(levels: int, race: int, reading: int = 0) -> FrontEnd:
     """The front end of these settings, whose numbers are worked out once."""
-    return FrontEnd(levels=levels, race=race)
+    return FrontEnd(levels=levels, race=race, reading=reading)

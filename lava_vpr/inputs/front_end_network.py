@@ -71,7 +71,7 @@ def populations(spec: FrontEnd) -> dict[str, NeuronGroup]:
         "cells": (spec.cell_weight // 2, None, 0, NO_MEMORY_DECAY),
         "pools": (int(spec.budgets.max()) - 1, None, NO_MEMORY_DECAY, 0),
     }
-    return {name: NeuronGroup(sizes[name], *values) for name, values in numbers.items()}
+    return {name: NeuronGroup(sizes[name], *values) for name, values in numbers.items()} | spec.further_groups()
 
 
 def synapses(spec: FrontEnd) -> Iterator[Projection]:
@@ -134,7 +134,7 @@ def all_weights(spec: FrontEnd) -> dict[tuple[str, str], csr_matrix]:
     for name in ONCE:
         own = found.get((name, name), 0)
         found[name, name] = csr_matrix(own - spec.own_silencing * identity(sizes[name], np.int64, "csr"))
-    return found
+    return found | spec.further_weights()
 
 
 def _ticks(targets: int, ticks: NDArray[np.int64], weights: NDArray[np.int64]) -> Pairs:

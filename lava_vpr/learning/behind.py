@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
-from lava_vpr.encoding import query_rates
+from lava_vpr.encoding import query_rates, strengths
 from lava_vpr.errors import LavaVprError
 from lava_vpr.maps.changes import remove
 from lava_vpr.matching.baselines import cosine_similarities
@@ -80,6 +80,11 @@ def compared(model: Model, pool: Pool = ONE_THREAD) -> Compared | None:
         own = [one._replace(scores=partial(scores_of, network, network.responses)) for one in asked]
         return answered(network, own, pool)[:, 1] == RIGHT
 
-    references = query_rates(learned.activity, learned.config)
-    likest = [best(cosine_similarities(references, one.block().rates, learned.labels)) == one.places for one in asked]
+    encoder = learned.config.encoder
+    references = strengths(query_rates(learned.activity, learned.config), encoder)
+    shown = [strengths(one.block().rates, encoder) for one in asked]
+    likest = [
+        best(cosine_similarities(references, rates, learned.labels)) == one.places
+        for one, rates in zip(asked, shown, strict=True)
+    ]
     return Compared(found(learned), found(template), np.concatenate(likest))

@@ -33,9 +33,11 @@ from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse, query_rates, query_rates16
 from lava_vpr.engine.blocks import BLOCK, Block, counted, of_integers
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.quantise import burst_rates
 from lava_vpr.engine.inference.surroundings import Shown
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys, uniform
 from lava_vpr.inputs.encoder import INPUTS, ChannelLayout
+from lava_vpr.inputs.front_end import BURST
 from lava_vpr.matching import decoders
 from lava_vpr.matching.decoders import best, margin
 from lava_vpr.matching.probability import OFF_MAP, RIGHT, VARIED_RIGHT, VARIED_WRONG, WRONG, Calibration
@@ -271,8 +273,10 @@ _TOGETHER = 1024
 
 def expected_rates(model: Model) -> NDArray[np.float64]:
     """Spikes per step that each input is expected to bring, float64 (inputs,): the mean over all references."""
-    rates = query_rates(model.activity, model.config).astype(np.float64)
-    return np.asarray(rates.mean(axis=0) / 65536.0)
+    rates = query_rates(model.activity, model.config)
+    if (before := model.config.encoder.direct) is not None:
+        return np.asarray((rates % BURST).mean(axis=0) / before.ticks)
+    return np.asarray(rates.astype(np.float64).mean(axis=0) / 65536.0)
 
 
 def references_of(model: Model) -> list[EncodedTraverse]:
@@ -314,7 +318,8 @@ def shown_references(stretches: Sequence[Stretch], activity: NDArray[np.float32]
     """
     inputs, views = config.encoder.inputs, len(config.views.views)
     places = sum(part.places for part in stretches) // views
-    rates = query_rates16(activity, config.encoder).reshape(-1, views, places, inputs)
+    rates = query_rates16(activity, config.encoder)
+    rates = (rates if config.encoder.direct is None else burst_rates(rates)).reshape(-1, views, places, inputs)
     return tuple(
         Shown(
             rates[:, part.view, part.first_place : part.first_place + part.places].reshape(-1, inputs),

@@ -15,6 +15,7 @@ cores, injected spikes reach them through relays on the chip, one step later. Bo
 (`FixedNetwork.depth`, `input_delay`).
 
 A presentation is ``steps`` steps with input and `FixedNetwork.silent_steps` without, after which nothing is in flight.
+A network that hears the cells of a front end themselves has other currents (`lava_vpr.engine.inference.direct`).
 """
 
 from __future__ import annotations
@@ -28,10 +29,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference.biases import bias_registers, check_bias, highest_bias, safe_bias, slopes
+from lava_vpr.engine.inference.direct import SILENCING, present_direct
 from lava_vpr.engine.inference.fixed_kernels import KernelNumbers, add_weighted, laid_out, present
 from lava_vpr.engine.inference.stepped import present_stepped
 from lava_vpr.engine.presentations import check_array, check_presentations, share
 from lava_vpr.errors import NetworkLimitError
+from lava_vpr.inputs.front_end import BURST
 from lava_vpr.loihi import (
     CORE_AXONS,
     DECAY_UNITY,
@@ -49,7 +52,10 @@ SCALARS = (
     *("bits", "signed", "threshold", "inhibition", "inhibition_exponent"),
     *("decay", "steps", "regular", "bias_input"),
 )
-"""The scalar fields of a `FixedNetwork`, all but weights and biases; files use the same names."""
+"""The scalar fields of every `FixedNetwork`, all but weights and biases; files use the same names. Only one that hears
+cells directly has `OF_DIRECT`, too."""
+
+OF_DIRECT = "direct"
 
 EVENTS = (
     *("synaptic_operations", "synaptic_operations_dense", "neuron_updates"),
@@ -59,6 +65,9 @@ EVENTS = (
 
 FAN_IN = CORE_AXONS
 """Neurons that one inhibitory neuron can listen to: each needs an input axon of its core."""
+
+DIRECT_SILENT = 2
+"""Steps after the last spike of a neuron that hears cells directly: to the inhibitory one, and back."""
 
 DIRECT = 1024
 """Most neurons that injected spikes reach directly; with more, on many cores, relays on the chip pass them on."""
@@ -104,6 +113,8 @@ class FixedNetwork:
         regular: Whether inputs spike regularly (`engine.inference.biases`) instead of by Poisson draws.
         bias_input: Whether regular inputs are compartments of the chip, which integrate a bias; else all input spikes
             are injected.
+        direct: The step in which ``bias`` comes, once, as a current, where the network hears the cells of a front end
+            themselves (`lava_vpr.engine.inference.direct`); 0: inputs have rates.
         model: The neuron model (`lava_vpr.neurons.models`); boards, Processes and other formats have ``lif`` alone.
     """
 
@@ -118,6 +129,7 @@ class FixedNetwork:
     steps: int
     regular: bool = False
     bias_input: bool = False
+    direct: int = 0
     model: str = LIF.name
 
     @classmethod
@@ -131,6 +143,7 @@ class FixedNetwork:
             NetworkLimitError: a truth value is none.
         """
         numbers: dict[str, Any] = {name: int(scalars[name]) for name in SCALARS}
+        numbers[OF_DIRECT] = int(scalars.get(OF_DIRECT, 0))
         for name in ("signed", "regular", "bias_input"):
             if numbers[name] not in (0, 1):
                 raise NetworkLimitError(f"{name} {numbers[name]} is neither 0 nor 1; train the model again")
@@ -140,7 +153,8 @@ class FixedNetwork:
     @property
     def scalars(self) -> dict[str, int]:
         """The numbers besides weights and biases, by name (`SCALARS`)."""
-        return {name: int(getattr(self, name)) for name in SCALARS}
+        own = {OF_DIRECT: self.direct} if self.direct else {}
+        return {name: int(getattr(self, name)) for name in SCALARS} | own
 
     @property
     def inputs(self) -> int:
@@ -170,7 +184,7 @@ class FixedNetwork:
     @property
     def input_delay(self) -> int:
         """Steps from an input's spike to the neurons; see `input_delay`."""
-        return input_delay(self.neurons, self.bias_input)
+        return input_delay(self.neurons, self.bias_input or self.direct > 0)
 
     @property
     def inhibition_delay(self) -> int:
@@ -180,7 +194,7 @@ class FixedNetwork:
     @property
     def silent_steps(self) -> int:
         """Steps without input at the end of a presentation; see `silent_steps`."""
-        return silent_steps(self.neurons, self.bias_input)
+        return DIRECT_SILENT if self.direct else silent_steps(self.neurons, self.bias_input)
 
     @property
     def interval(self) -> int:
@@ -233,6 +247,12 @@ class FixedNetwork:
         """The largest bias that training and queries set: `highest_bias` with a unit of decay to spare."""
         return safe_bias(self.threshold, self.decay)
 
+    @property
+    def highest_added(self) -> int:
+        """The largest bias, in units of the weights, with which no neuron that hears cells directly spikes alone: as a
+        current it lasts, and a membrane decays to what it gains in 1 / dv of its steps."""
+        return self.threshold * self.decay // DECAY_UNITY
+
     @cached_property
     def prepared(self) -> Prepared:
         """The network as the kernel reads it, made once.
@@ -250,6 +270,7 @@ class FixedNetwork:
             inhibition_delay=self.inhibition_delay,
             leaf=FAN_IN if self.leaves else 0,
             regular=self.regular,
+            direct=self.direct,
         )
         return Prepared(laid_out(self.weights), np.count_nonzero(self.weights, axis=1).astype(np.int64), numbers)
 
@@ -321,13 +342,35 @@ class FixedNetwork:
         ):
             if not lowest <= (value := getattr(self, name)) <= highest:
                 raise NetworkLimitError(f"{name} {value} does not fit {lowest}..{highest}; {remedy}")
-        check_bias(self.bias, self.highest_bias)
+        if self.direct:
+            self._check_direct()
+        else:
+            check_bias(self.bias, self.highest_bias)
         for name, need in zip(("weights above 0", "weights below 0 and inhibition"), self.extremes, strict=True):
             if need >= limit:
                 raise NetworkLimitError(
                     f"the {name} of one neuron sum to {need:,}, but {target} holds less than {limit:,}; "
                     "use fewer weight bits or fewer inputs"
                 )
+
+    def _check_direct(self) -> None:
+        """Refuse a network that hears cells directly, but could not be silenced, or listened to."""
+        most, added = (BURST - 1) * self.sums[0], self.bias >> INPUT_SHIFT
+        if self.leaves or not self.direct < self.steps:
+            raise NetworkLimitError(
+                f"{self.neurons:,} neurons in {self.steps} steps cannot hear cells directly; learn fewer than "
+                f"{FAN_IN:,} places, or with --input frontend"
+            )
+        if most + int(added.max(initial=0)) >= SILENCING or int(np.abs(added).max(initial=0)) > SILENCING:
+            raise NetworkLimitError(
+                f"the bursts of cells can bring a neuron {most:,} and its bias {int(np.abs(added).max(initial=0)):,}, "
+                f"but one synapse silences at most {SILENCING:,}; use fewer weight bits"
+            )
+        if (added << INPUT_SHIFT != self.bias).any() or int(added.max(initial=0)) > self.highest_added:
+            raise NetworkLimitError(
+                f"a bias is no whole weight, or above {self.highest_added:,}, at which a neuron spikes without input; "
+                "train the model again"
+            )
 
 
 def inhibitory_spikes(network: FixedNetwork, exc: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -381,7 +424,7 @@ def count_spikes(
 
     Args:
         network: The network, checked (`FixedNetwork.check`).
-        rates: Spike probabilities in units of 2^-16, uint16 (n, inputs).
+        rates: Spike probabilities in units of 2^-16, uint16 (n, inputs); bursts where the network hears cells directly.
         keys: One key per presentation (`lava_vpr.engine.random.presentation_keys`), uint64 (n,).
         bias: Biases of each presentation, int32 (n, neurons), as `check_bias` allows; None: the network's.
         threads: Threads that share the images; the result does not depend on it.
@@ -407,7 +450,10 @@ def count_spikes(
     def present_some(part: slice) -> NDArray[np.int64]:
         events = np.zeros(5, np.int64)
         shown = (rates[part], table, keys[part], own if bias is None else own[part])
-        if neurons is LIF:
+        if network.direct:
+            acc = np.zeros(weights.shape[1], np.int16 if narrow else np.int32)
+            present_direct(weights, row_sizes, numbers, rates[part], shown[-1], acc, counts[part], events, film[part])
+        elif neurons is LIF:
             acc = np.zeros(weights.shape[1], np.int16 if narrow else np.int32)
             present(weights, row_sizes, numbers, bounded, *shown, acc, counts[part], events, film[part])
         else:

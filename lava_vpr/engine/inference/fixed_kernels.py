@@ -23,7 +23,8 @@ class KernelNumbers(NamedTuple):
 
     ``threshold`` is in units of v, ``lateral`` in units of the input sum, ``keep`` what a membrane keeps in units of
     2^-12. ``steps`` are those with input, ``total`` also those without; ``input_delay`` and ``inhibition_delay`` are in
-    steps. A leaf listens to ``leaf`` neurons (0: there are none). Inputs spike regularly or by Poisson draws.
+    steps. A leaf listens to ``leaf`` neurons (0: there are none). Inputs spike regularly or by Poisson draws;
+    ``direct`` is the network's.
     """
 
     threshold: np.int32
@@ -35,6 +36,7 @@ class KernelNumbers(NamedTuple):
     inhibition_delay: int
     leaf: int
     regular: bool
+    direct: int = 0
 
 
 def laid_out(weights: NDArray[np.int16]) -> NDArray[Any]:
@@ -51,7 +53,7 @@ def laid_out(weights: NDArray[np.int16]) -> NDArray[Any]:
 
 
 @compiled(inline="always")
-def _kept(v: np.int32, keep: np.int32) -> np.int32:
+def kept(v: np.int32, keep: np.int32) -> np.int32:
     """sign(v) (|v| keep >> 12) within 32 bits: v = 4096 h + l makes it h keep + (l keep >> 12), rounded towards 0."""
     low, bits = np.int32(DECAY_UNITY - 1), np.int32(DECAY_BITS)
     rest = np.int32(np.int32(np.int32(v & low) * keep) + np.int32(np.int32(v >> np.int32(31)) & low))
@@ -77,7 +79,7 @@ def integrate(
     if bounded:
         for i in range(v.size):
             u = np.int32(np.int32(np.int32(drive[i]) - pull) << input_shift)
-            x = np.int32(np.int32(_kept(v[i], keep) + u) + bias[i])
+            x = np.int32(np.int32(kept(v[i], keep) + u) + bias[i])
             v[i] = x
             highest = x if x > highest else highest
         return highest
@@ -85,7 +87,7 @@ def integrate(
         u = np.int32(np.int32(np.int32(drive[i]) - pull) << input_shift)
         u = np.int32(u - span) if u > top else u
         u = np.int32(u + span) if u <= -top else u
-        x = np.int32(np.int32(_kept(v[i], keep) + u) + bias[i])
+        x = np.int32(np.int32(kept(v[i], keep) + u) + bias[i])
         x = ceiling if x > ceiling else x
         x = bottom if x < bottom else x
         v[i] = x
@@ -100,7 +102,7 @@ def _row(inputs: NDArray[np.int32], s: int, last: int) -> np.uint64:
 
 
 @compiled(inline="always")
-def _add_rows(weights: NDArray[Any], row_sizes: NDArray[np.int64], inputs: NDArray[np.int32], acc: NDArray[Any]) -> int:
+def add_rows(weights: NDArray[Any], row_sizes: NDArray[np.int64], inputs: NDArray[np.int32], acc: NDArray[Any]) -> int:
     """Sum the weights of ``inputs`` in ``acc``, `TOGETHER` rows at a time; returns how many of them are not 0."""
     operations, last, narrow = 0, weights.shape[0] - 1, weights.dtype.type
     acc[:] = 0
@@ -144,7 +146,7 @@ def add_weighted(weights: NDArray[Any], rates: NDArray[np.uint16], acc: NDArray[
 
 
 @compiled(inline="always")
-def _fire(
+def fire(
     v: NDArray[np.int32], threshold: np.int32, leaf: int, counts: NDArray[np.int32], row: NDArray[np.uint8]
 ) -> tuple[int, int]:
     """Let all neurons above ``threshold`` spike; returns how many, and how many leaves hear any of them.
@@ -220,13 +222,13 @@ def present(
             # 1. The input spikes that arrive, and the sums of their weights.
             sent = step - numbers.input_delay
             arriving = members[starts[sent] : starts[sent + 1]] if 0 <= sent < steps else no_members
-            operations += _add_rows(weights, row_sizes, arriving, acc)
+            operations += add_rows(weights, row_sizes, arriving, acc)
             input_spikes += arriving.size
             # 2. All membranes with the root's inhibition; then this step's spikes.
             pull = lateral if volleys[step] else np.int32(0)
             if integrate(v, acc, own, pull, keep, bounded) > threshold:
                 row = raster[q, step] if raster.size > 0 else no_row
-                fired, leaves = _fire(v, threshold, numbers.leaf, counts[q], row)
+                fired, leaves = fire(v, threshold, numbers.leaf, counts[q], row)
                 volleys[step + numbers.inhibition_delay] = fired > 0
                 exc_spikes += fired
                 leaf_spikes += leaves

@@ -19,12 +19,18 @@ from lava_vpr.engine.inference.biases import held_biases
 from lava_vpr.engine.inference.fixed import FixedNetwork, silent_steps
 from lava_vpr.engine.inference.surroundings import Shown, surroundings
 from lava_vpr.errors import ConfigError
+from lava_vpr.inputs.front_end import BURST, FrontEnd
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, DECAY_BITS, INPUT_SHIFT, SIGNED_WEIGHT_LIMIT
 
 Weight = TypeVar("Weight", np.float32, np.float64)
 
 TOP_PERCENTILE = 99.9
 """Percentile of the magnitudes of all weights, zeros included, that becomes the largest integer weight."""
+
+BURST_STEPS = 10
+"""Steps of the race in which nearly all spikes of cells fall."""
+HEARD = 5.4
+"""Steps of the drive that a threshold of 1 stands for where neurons hear cells directly."""
 
 RATE_UNIT = 1 << 16
 """Rates are in units of 1 / RATE_UNIT spikes a step."""
@@ -153,13 +159,16 @@ def check_steps(network: LifNetwork, neurons: int) -> int:
     return silent
 
 
-def quantise(weights: NDArray[np.float64], network: LifNetwork, shown: Sequence[Shown]) -> FixedNetwork:
+def quantise(
+    weights: NDArray[np.float64], network: LifNetwork, shown: Sequence[Shown], direct: FrontEnd | None = None
+) -> FixedNetwork:
     """The integer network of ``weights`` (inputs, neurons) from `distinctive`.
 
     Args:
         weights: Of norm 1.
         network: Settings.
         shown: The references, stretch after stretch; together they hold all neurons.
+        direct: The front end whose cells the neurons hear themselves (`burst_rates`); None: inputs have rates.
     Raises:
         ConfigError: no reference drives its neuron more than the others do, or a presentation would have silent steps
             only.
@@ -174,10 +183,48 @@ def quantise(weights: NDArray[np.float64], network: LifNetwork, shown: Sequence[
             "no neuron is driven by its own place: all reference images are alike, as far as inputs see them, or "
             "learning.eta is too small; give images of different places"
         )
-    fixed = scaled(network, integers, unit)
-    fixed = replace(fixed, bias=biases_of(drives, fixed.safe_bias))
+    if direct is None:
+        fixed = scaled(network, integers, unit)
+        fixed = replace(fixed, bias=biases_of(drives, fixed.safe_bias))
+    else:
+        fixed = heard_directly(network, integers, unit, direct)
+        added = np.minimum(-np.rint(drives * BURST_STEPS), fixed.highest_added).astype(np.int32)
+        fixed = replace(fixed, bias=added << INPUT_SHIFT)
     fixed.check()
     return fixed
+
+
+def burst_rates(bursts: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    """Rates in units of 1 / `RATE_UNIT` that bring in `BURST_STEPS` steps as many spikes as ``bursts`` have."""
+    return (bursts % BURST * (RATE_UNIT // BURST_STEPS)).astype(np.uint16)
+
+
+def heard_directly(network: LifNetwork, weights: NDArray[np.int16], unit: float, front_end: FrontEnd) -> FixedNetwork:
+    """The integer network, without biases, of neurons that hear the cells of ``front_end`` themselves.
+
+    What a burst brings stays: the threshold is a multiple of `HEARD` steps of the drive, and inhibition, which stays as
+    well, of what they bring in a step of reading.
+
+    Args:
+        network: The settings; threshold and inhibition are multiples of ``unit``.
+        weights: Integer weights, int16 (inputs, neurons).
+        unit: Drive of a neuron by an image of its own place, in units of the weights, over `BURST_STEPS` steps.
+        front_end: The front end.
+    """
+    mantissa, exponent = mantissa_of(network.inhibition * HEARD * unit / front_end.reading)
+    return FixedNetwork(
+        weights=weights,
+        bias=np.zeros(weights.shape[1], np.int32),
+        bits=network.weight_bits,
+        signed=network.signed,
+        threshold=max(1, round(network.threshold * HEARD * unit)),
+        inhibition=mantissa,
+        inhibition_exponent=exponent,
+        decay=min((1 << DECAY_BITS) - 1, round((1 << DECAY_BITS) / network.tau_membrane)),
+        steps=front_end.ticks,
+        regular=True,
+        direct=front_end.offset_step,
+    )
 
 
 def scaled(network: LifNetwork, weights: NDArray[np.int16], unit: float) -> FixedNetwork:

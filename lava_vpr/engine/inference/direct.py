@@ -1,0 +1,106 @@
+"""The network of places that hears the cells of the spiking front end themselves: the kernel of these presentations.
+
+One run takes an image from pixels to places. Cells spike in bursts (`lava_vpr.inputs.front_end.FrontEnd.burst_codes`);
+currents of the neurons of places keep what bursts and inhibition add, but for what rounding takes, and membranes
+integrate currents. So a neuron's spikes in the steps after the bursts measure its whole drive. Per step, as
+`lava_vpr.engine.general.lif` has it::
+
+    a  = sum of weights of the cells that spiked in the step before - inhibition, if the root spiked in the step before
+         + bias, once, in the step ``direct``; - `SILENCING`, once, in the step ``steps``
+    u' = sign(u) (|u| 4095 >> 12) + (a << 6), wrapped into 24 bits
+    v' = clip(sign(v) (|v| (4096 - dv) >> 12) + u', +-(2^23 - 1))
+    spike if v' > vth << 6, then v' = 0
+
+The clock of the front end adds bias and silencing: what all places share is taken off once the race ends, and no neuron
+spikes after the last step but two.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.engine.inference.fixed_kernels import KernelNumbers, add_rows, fire, kept
+from lava_vpr.inputs.front_end import BURST
+from lava_vpr.kernelcache import compiled
+from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT, SIGNED_WEIGHT_LIMIT, STATE_LIMIT, WEIGHT_EXPONENT_LIMIT
+
+SILENCING = SIGNED_WEIGHT_LIMIT << WEIGHT_EXPONENT_LIMIT
+"""What silences a neuron for the rest of a presentation: the most that one synapse takes, in units of the weights."""
+
+
+@compiled(nogil=True)
+def _in_steps(bursts: NDArray[np.uint16], total: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """The cells that spike in each step, one step after another, int32 (spikes,), and where each step's begin, int64
+    (total + 1,)."""
+    begins = np.zeros(total + 1, np.int64)
+    for burst in bursts:
+        for step in range(burst // BURST, burst // BURST + burst % BURST):
+            begins[step + 1] += 1
+    begins = np.cumsum(begins)
+    cells, filled = np.empty(begins[-1], np.int32), begins.copy()
+    for cell in range(bursts.size):
+        for step in range(bursts[cell] // BURST, bursts[cell] // BURST + bursts[cell] % BURST):
+            cells[filled[step]] = cell
+            filled[step] += 1
+    return begins, cells
+
+
+@compiled(inline="always")
+def _integrate(
+    u: NDArray[np.int32], v: NDArray[np.int32], drive: NDArray[Any], added: NDArray[np.int32], pull: int, keep: np.int32
+) -> np.int32:
+    """One step of all currents and membranes; returns the highest membrane."""
+    top, span = STATE_LIMIT, 2 * STATE_LIMIT
+    highest = np.int32(1 - STATE_LIMIT)
+    for i in range(v.size):
+        lost = (abs(u[i]) + (DECAY_UNITY - 1)) >> DECAY_BITS
+        current = (u[i] - lost if u[i] > 0 else u[i] + lost) + ((np.int64(drive[i]) - pull) << INPUT_SHIFT) + added[i]
+        current = current - span if current > top else current
+        current = current + span if current <= -top else current
+        u[i] = current
+        v[i] = min(max(np.int64(kept(v[i], keep)) + current, 1 - STATE_LIMIT), STATE_LIMIT - 1)
+        highest = max(highest, v[i])
+    return highest
+
+
+@compiled(nogil=True)
+def present_direct(
+    weights: NDArray[Any],
+    row_sizes: NDArray[np.int64],
+    numbers: KernelNumbers,
+    bursts: NDArray[np.uint16],
+    bias: NDArray[np.int32],
+    acc: NDArray[np.int32],
+    counts: NDArray[np.int32],
+    events: NDArray[np.int64],
+    raster: NDArray[np.uint8],
+) -> None:
+    """Present every image of ``bursts`` (n, inputs) to the network; the others as
+    `lava_vpr.engine.inference.fixed_kernels.present` has them."""
+    no_row, neurons, width = np.zeros(0, np.uint8), counts.shape[1], weights.shape[1]
+    u, v, added = np.zeros(width, np.int32), np.zeros(width, np.int32), np.zeros(width, np.int32)
+    for q in range(bursts.shape[0]):
+        begins, cells = _in_steps(bursts[q], numbers.total)
+        u[:] = 0
+        v[:] = 0
+        volley, fired = False, 0
+        for step in range(1, numbers.total):
+            arriving = cells[begins[step - 1] : begins[step]]
+            events[0] += add_rows(weights, row_sizes, arriving, acc)
+            events[1] += arriving.size
+            added[:] = 0
+            if step == numbers.direct:
+                added[:neurons] = bias[q if bias.shape[0] > 1 else 0]
+            elif step == numbers.steps:
+                added[:] = -(SILENCING << INPUT_SHIFT)
+            pull = numbers.lateral if volley else np.int32(0)
+            volley = fired > 0  # the root spikes now
+            fired = 0
+            if _integrate(u, v, acc, added, pull, numbers.keep) > numbers.threshold:
+                row = raster[q, step] if raster.size > 0 else no_row
+                fired, _ = fire(v, numbers.threshold, 0, counts[q], row)
+                events[2] += fired
+                events[4] += fired > 0
