@@ -195,7 +195,7 @@ def answer_stream(
         1 if at_once and calls == 1 else None,
         model.standard,
         threads,
-        keep,
+        keep if model.config.encoder.direct is None else keep | Keep.GREY,
         framing,
     )
     first = 0

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,8 @@ from lava_vpr.deploy.bundle.front_end import front_end_player
 from lava_vpr.deploy.bundle.targets import TARGETS, open_whole
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.presentations import Trains
-from lava_vpr.errors import BackendUnavailableError, BundleError, shown
+from lava_vpr.errors import BackendUnavailableError, BundleError, InputError, shown
+from lava_vpr.inputs.encoder import Keep
 from lava_vpr.model import Model, checked_network, integer_model
 from lava_vpr.storage.writing import temporary_folder
 
@@ -134,11 +136,14 @@ class KapohoBayBackend:
 
     def count_spikes(self, model: Model, shown: Presentations) -> tuple[NDArray[np.int32], Events]:
         """See `lava_vpr.backends.interface.Backend.count_spikes`."""
-        network = checked_network(model, self.board.name)
+        network = checked_network(model, self.board.name, direct=True)
         if shown.bias is not None:
             network.check_presented(shown.bias, len(shown.rates))
+        if network.direct and shown.grey is None:
+            raise InputError(f"the queries' pixels were not kept, which the board takes; encode them with {Keep.GREY}")
         with bundle_of(model, self.board) as bundle:
-            counts = board_program.run_bundle(bundle, shown.rates, shown.keys, bias=shown.bias, advance=self.advance)
+            how: dict[str, Any] = {"bias": shown.bias, "pixels": shown.grey, "advance": self.advance}
+            counts = board_program.run_bundle(bundle, shown.rates, shown.keys, **how)
         # The board is sent what the host draws, so the host's engine can tell the events.
         _, events, _ = fixed.count_spikes(network, shown.rates, shown.keys, bias=shown.bias)
         return counts, events

@@ -19,12 +19,13 @@ from lava_vpr.engine.blocks import Block, in_blocks, of_conductances, of_integer
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.whole import WholeNetwork
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import image_keys, presentation_keys
-from lava_vpr.errors import ConfigError
-from lava_vpr.inputs.encoder import EncodedTraverse, check_encoded
+from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.inputs.encoder import EncodedTraverse, Keep, check_encoded
 from lava_vpr.inputs.front_end import FrontEnd
-from lava_vpr.model import Model, checked_network
+from lava_vpr.model import Model, checked_network, integer_model
 
 Advance = Callable[[int], None]
 """A function called with how many more presentations are done."""
@@ -40,7 +41,7 @@ inputs), epochs int32 (n,). Returns the products, int64 (n, digits, inputs)."""
 
 
 def front_end_of(model: Model) -> FrontEnd:
-    """The spiking front end of a model that has one.
+    """The spiking front end of a model that has one, with the network that hears its cells if one does.
 
     Raises:
         ConfigError: it has none.
@@ -48,8 +49,11 @@ def front_end_of(model: Model) -> FrontEnd:
     spec = model.config.encoder.front_end
     if spec is None:
         raise ConfigError(f"input {model.config.encoder.kind} has no spiking front end; train with --input frontend")
-    return spec
+    return WholeNetwork.of(spec, integer_model(model, "a front end").network) if spec.reading else spec
 
+
+AT_ONCE = 20
+"""Images that a front end is shown in one run: every spike of each is held, twice 2 MB."""
 
 Events = dict[str, int]
 """The counted events of a run by name, summed over its presentations."""
@@ -84,6 +88,8 @@ class Presentations:
             (`lava_vpr.engine.adaptation`); None: the network's own.
         plain: Where ``rates`` include gains (`lava_vpr.engine.gains`): the rates without gains, from which the noise
             follows; None: ``rates`` are without gains.
+        grey: What pixels take of the images (`Keep.GREY`), uint8 (n, height, width), where neurons hear the cells of
+            the front end themselves; None: nobody kept it, and only the host's engine needs none.
     """
 
     rates: NDArray[Any]
@@ -91,11 +97,12 @@ class Presentations:
     role: str = "query"
     bias: NDArray[np.int32] | None = None
     plain: NDArray[np.uint16] | None = None
+    grey: NDArray[np.uint8] | None = None
 
     @property
     def _given(self) -> list[str]:
         """The names of what has a row a presentation."""
-        return [name for name in ("rates", "bias", "plain") if getattr(self, name) is not None]
+        return [name for name in ("rates", "bias", "plain", "grey") if getattr(self, name) is not None]
 
     @property
     def seen(self) -> NDArray[Any]:
@@ -127,7 +134,8 @@ def query_presentations(model: Model, queries: EncodedTraverse, seed: int | None
     """
     check_encoded(queries, model.config.encoder, "queries")
     rates = query_rates(queries.activity, model.config)
-    return Presentations(rates, model.config.seed if seed is None else seed)
+    grey = None if model.config.encoder.direct is None else queries.grey
+    return Presentations(rates, model.config.seed if seed is None else seed, grey=grey)
 
 
 class Backend(Protocol):
@@ -197,6 +205,53 @@ class BackendRow:
 
 
 @dataclass(frozen=True)
+class FromPixels:
+    """A backend, which also runs a network from pixels to places where neurons hear the cells of the front end.
+
+    Attributes:
+        alone: The backend, for networks whose inputs have rates.
+        run: Its `BackendRow.front_end`.
+        advance: Called with the number of presentations that are done.
+    """
+
+    alone: Backend
+    run: RunFrontEnd
+    advance: Advance | None = None
+
+    def count_spikes(self, model: Model, shown: Presentations) -> tuple[NDArray[np.int32], Events]:
+        """See `Backend.count_spikes`."""
+        if model.config.encoder.direct is None:
+            return self.alone.count_spikes(model, shown)
+        network = checked_network(model, "the backend", direct=True)
+        counts, sent = np.zeros((len(shown.rates), network.neurons), np.int32), np.zeros(network.inputs, np.int64)
+        inh = np.zeros(network.inhibitory, np.int64)
+        for part, films in self._films(model, shown):
+            counts[part] = films["exc"].sum(axis=1, dtype=np.int32)
+            sent += films["cells"].sum(axis=(0, 1), dtype=np.int64)
+            inh += films["inh"].sum(axis=(0, 1), dtype=np.int64)
+        return counts, events_of(network, counts, sent, inh)
+
+    def trains(self, model: Model, shown: Presentations) -> Trains:
+        """See `Backend.trains`."""
+        if model.config.encoder.direct is None:
+            return self.alone.trains(model, shown)
+        pieces = [[films[name] for name in ("exc", "cells", "inh")] for _, films in self._films(model, shown)]
+        return Trains(*map(np.concatenate, zip(*pieces, strict=True)))
+
+    def _films(self, model: Model, shown: Presentations) -> Iterator[tuple[slice, Mapping[str, NDArray[np.uint8]]]]:
+        """Every spike of some presentations at a time, and which they are.
+
+        Raises:
+            InputError: what pixels take was not kept.
+        """
+        if shown.grey is None:
+            raise InputError(f"the queries' pixels were not kept, which neurons hear; encode them with {Keep.GREY}")
+        parts = [slice(start, start + AT_ONCE) for start in range(0, len(shown.grey), AT_ONCE)]
+        grey = shown.grey
+        yield from zip(parts, self.run(model, (grey[part] for part in parts), self.advance), strict=True)
+
+
+@dataclass(frozen=True)
 class HostBackend:
     """The compiled engine; results do not depend on the number of threads."""
 
@@ -208,10 +263,10 @@ class HostBackend:
         if isinstance(model.network, ConductanceState):
             network = model.network, model.config
             return in_blocks(of_conductances, network, block, pool=self.pool)
-        integer = checked_network(model, "host")
+        integer = checked_network(model, "host", direct=True)
         return in_blocks(of_integers, integer, block, pool=self.pool)
 
     def trains(self, model: Model, shown: Presentations) -> Trains:
         """See `lava_vpr.backends.interface.Backend.trains`."""
-        network = checked_network(model, "host")
+        network = checked_network(model, "host", direct=True)
         return spike_trains(network, shown.rates, shown.keys, bias=shown.bias, threads=self.pool.threads)

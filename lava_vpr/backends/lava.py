@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from lava_vpr.configfile import to_dict
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference.whole import WholeNetwork, settings_of
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.isolated.runner import run_isolated
@@ -136,11 +137,13 @@ def front_end_trains(
         advance: Called with the number of images that are done.
     """
     spec, target = front_end_of(model), f"lava_vpr.processes.jobs.front_end:{job}"
+    arrays: dict[str, NDArray[Any]] = {}
+    options: dict[str, Any] = {"spec": settings_of(spec), "tag": tag}
+    if isinstance(spec, WholeNetwork):
+        arrays, options["network"] = {"weights": spec.places.weights, "bias": spec.places.bias}, spec.places.scalars
     for grey in blocks:
         timeout = 120 + len(grey) * spec.steps / SLOWEST
-        yield run_isolated(
-            target, {"grey": grey}, {"spec": asdict(spec), "tag": tag}, timeout=timeout, progress=advance
-        )
+        yield run_isolated(target, {"grey": grey, **arrays}, options, timeout=timeout, progress=advance)
 
 
 def gained(

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.backends.interface import Advance, Backend, BackendRow, HostBackend, front_end_of
+from lava_vpr.backends.interface import Advance, Backend, BackendRow, FromPixels, HostBackend, front_end_of
 from lava_vpr.backends.lava import LavaBackend, front_end_trains, gained, lava_missing, loihi2_missing
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.errors import BackendUnavailableError
@@ -172,7 +172,9 @@ def get(name: str, threads: int = 1, advance: Advance | None = None) -> Backend:
         BackendUnavailableError: unknown, or its software or device is missing.
     """
     require(name)
-    return BACKENDS[name].make(threads, advance)
+    row = BACKENDS[name]
+    made = row.make(threads, advance)
+    return made if row.front_end is None or name == "host" else FromPixels(made, row.front_end, advance)
 
 
 def timed_by_default() -> tuple[str, ...]:

@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.asking import PLAINLY, Asker, Asking, summed
-from lava_vpr.backends.interface import Advance, HostBackend, Presentations, RunFrontEnd, RunGains, front_end_of
+from lava_vpr.backends.interface import (
+    AT_ONCE,
+    Advance,
+    BackendRow,
+    HostBackend,
+    Presentations,
+    RunFrontEnd,
+    RunGains,
+    front_end_of,
+)
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import EncoderConfig
@@ -236,10 +245,6 @@ def compare(
     return SpikesCompared(compared, differing, min(first, key=lambda pair: pair[0])[1] if first else None)
 
 
-AT_ONCE = 20
-"""Images that a front end is shown in one run: every spike of each is held, twice 2 MB."""
-
-
 def _before(run: RunFrontEnd | None, shown: FrontEndQueries | None, advance: Advance | None) -> SpikesCompared:
     """Compare what a backend's front end makes of the images, some at a time, with the host's."""
     if run is None or shown is None:
@@ -312,7 +317,8 @@ def verify(
             model, (queries, *further), lambda views: Asker(model, asking, seed).presentations(views)
         )
     compared = _before(BACKENDS["host"].front_end, before, None).spikes
-    compared |= compare(trains.films, trains.films, images).spikes if trains else {"exc": int(counts.sum())}
+    if model.config.encoder.direct is None:
+        compared |= compare(trains.films, trains.films, images).spikes if trains else {"exc": int(counts.sum())}
     gained = GainedQueries.of(model, asking, (queries, *further))
     products = 0 if gained is None else gained.activity.size
     recall = recall_at_1(model, counts, truth)
@@ -328,6 +334,35 @@ def verify(
             found = Verdict(name, str(error))
         verdicts.append(found)
     return verdicts
+
+
+def _in_one_run(
+    row: BackendRow,
+    shown: FrontEndQueries,
+    truth: NDArray[np.bool_],
+    reference: Verdict,
+    advance: Advance | None,
+) -> Verdict:
+    """What a backend makes of queries in one run from pixels to places.
+
+    Raises:
+        ConfigError: it runs no front end.
+    """
+    if row.front_end is None:
+        raise ConfigError(f"{row.name} runs no front end, whose cells the neurons hear; train with --input frontend")
+    if not row.exact:
+        films = row.front_end(shown.model, (grey for grey, _ in shown.blocks), advance)
+        counts = np.concatenate([film["exc"].sum(axis=1, dtype=np.int32) for film in films])
+        return replace(reference, name=row.name, equal=None, recall=recall_at_1(shown.model, counts, truth))
+    found = _before(row.front_end, shown, advance)
+    return replace(
+        reference,
+        name=row.name,
+        equal=found.first is None,
+        compared=found.spikes,
+        differing=found.differing,
+        mismatch=found.first,
+    )
 
 
 def _verdict(
@@ -349,6 +384,8 @@ def _verdict(
     """
     backends.require(name, model)
     row, begin = BACKENDS[name], begin or (lambda name: None)
+    if before is not None and model.config.encoder.direct is not None:
+        return _in_one_run(row, before, truth, reference, begin(f"pixels to places on {name}"))
     earlier = SpikesCompared({})
     if before is not None and row.front_end is not None:
         advance = begin(f"the front end on {name}")

@@ -32,15 +32,15 @@ class FrontEndNetwork(CheckedProcess):
     between runs. Where events drive the pixels, Lava's RingBuffer sends them.
 
     Ports: spikes of each population, by its name: ``clock``, ``pixels``, ``filters``, ``pairs``, ``onsets``, ``cells``,
-    ``pools``. Var ``shown``: the grey levels of the image that is presented, (pixels,); or the events of all images, a
-    spike each, (axons, n steps).
+    ``pools``; of a `WholeNetwork` also ``exc`` and ``inh``. Var ``shown``: the grey levels of the image that is
+    presented, (pixels,); or the events of all images, a spike each, (axons, n steps).
     """
 
     def __init__(self, *, spec: FrontEnd, grey: NDArray[np.uint8], **kwargs: Any) -> None:
         """Make the network that is shown images.
 
         Args:
-            spec: The front end.
+            spec: The front end; a `WholeNetwork`: with the neurons of places that hear its cells.
             grey: What it is given of each image (`FrontEnd.seen`), uint8 (n, *spec.shape), n at least 1.
         Raises:
             NetworkLimitError: images of another type or shape.
@@ -50,11 +50,9 @@ class FrontEndNetwork(CheckedProcess):
         need(fits, "FrontEndNetwork: images", f"{grey.dtype} {grey.shape}", f"uint8 (n, {shape[0]}, {shape[1]})")
         super().__init__(spec=spec, grey=grey, **kwargs)
         self.spec, self.grey = spec, grey
-        clock, pixels, filters, pairs, onsets, cells, pools = ((size,) for size in spec.populations.values())
-        self.clock, self.pixels = OutPort(clock), OutPort(pixels)
-        self.filters, self.pairs = OutPort(filters), OutPort(pairs)
-        self.onsets, self.cells, self.pools = OutPort(onsets), OutPort(cells), OutPort(pools)
-        self.shown = Var(shape=_events(spec, grey).shape if spec.window else pixels)
+        for name, size in spec.populations.items():
+            setattr(self, name, OutPort((size,)))
+        self.shown = Var(shape=_events(spec, grey).shape if spec.window else (spec.populations["pixels"],))
 
     def write(self, grey: NDArray[np.uint8], floating: bool = False) -> None:
         """Set what is shown while the run is paused, from the next step on.

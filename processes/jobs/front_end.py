@@ -1,7 +1,9 @@
 """The spiking front end in Lava as functions of arrays and options, to be called in a process of their own.
 
 Each takes ``arrays``: ``grey`` uint8 (n, height, width); and ``options``: ``spec``, the settings of `FrontEnd` by name,
-and ``tag``. Each returns every spike of each population by its name, uint8 (n, steps, neurons).
+and ``tag``. Where neurons of places hear the cells, ``arrays`` has their ``weights`` and ``bias``, and ``options`` has
+``network``, the scalars of `FixedNetwork`. Each returns every spike of each population by its name, uint8 (n, steps,
+neurons).
 """
 
 from __future__ import annotations
@@ -10,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.whole import WholeNetwork
 from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.isolated.worker import report
 from lava_vpr.processes.base.magma import FIXED_TAG, RunSteps
@@ -19,10 +23,18 @@ from lava_vpr.processes.jobs.inference import Arrays, Way, begin
 from lava_vpr.processes.spike_counter.process import SpikeCounter
 
 
+def _spec(arrays: Arrays, options: dict[str, Any]) -> FrontEnd:
+    """The front end, with the network that hears its cells if one does."""
+    numbers: dict[str, Any] = {name: tuple(x) if isinstance(x, list) else x for name, x in options["spec"].items()}
+    if "network" not in options:
+        return FrontEnd(**numbers)
+    weights, bias = (np.ascontiguousarray(arrays[name]) for name in ("weights", "bias"))
+    return WholeNetwork(**numbers, network=FixedNetwork.of_scalars(weights, bias, options["network"]))
+
+
 def _shown(arrays: Arrays, options: dict[str, Any], library: bool) -> Arrays:
     """The front end and a counter of each population; with Lava's library an image is written before each run."""
-    numbers: dict[str, Any] = {name: tuple(x) if isinstance(x, list) else x for name, x in options["spec"].items()}
-    spec = FrontEnd(**numbers)
+    spec = _spec(arrays, options)
     grey, way = np.ascontiguousarray(arrays["grey"], np.uint8), Way(str(options.get("tag", FIXED_TAG)), library)
     n, steps = len(grey), spec.steps
     films = {name: shared_array((n, steps, size), np.uint8) for name, size in spec.populations.items()}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import replace
+from typing import Any
 from unittest import mock
 
 import numpy as np
@@ -14,9 +15,12 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from support.lava.model_harness import build, drive
 
+from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.whole import WholeNetwork, settings_of
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.inputs.front_end import FRONT_END, FrontEnd
 from lava_vpr.isolated.runner import run_isolated
+from lava_vpr.loihi import INPUT_SHIFT
 from lava_vpr.processes.front_end.process import FrontEndNetwork
 from lava_vpr.processes.sparse_synapses.process import (
     PySparseSynapsesFixed,
@@ -40,8 +44,12 @@ def grey(spec: FrontEnd, images: int) -> NDArray[np.uint8]:
 
 def in_lava(job: str, spec: FrontEnd, shown: NDArray[np.uint8], tag: str = "fixed_pt") -> dict[str, NDArray[np.uint8]]:
     """Every spike of each population."""
-    target, options = f"lava_vpr.processes.jobs.front_end:{job}", {"spec": asdict(spec), "tag": tag}
-    return run_isolated(target, {"grey": shown}, options, timeout=500)
+    target, arrays = f"lava_vpr.processes.jobs.front_end:{job}", {"grey": shown}
+    options: dict[str, Any] = {"spec": settings_of(spec), "tag": tag}
+    if isinstance(spec, WholeNetwork):
+        arrays |= {"weights": spec.places.weights, "bias": spec.places.bias}
+        options["network"] = spec.places.scalars
+    return run_isolated(target, arrays, options, timeout=500)
 
 
 def differing(job: str, spec: FrontEnd, images: int, tag: str = "fixed_pt") -> dict[str, int]:
@@ -57,6 +65,22 @@ def differing(job: str, spec: FrontEnd, images: int, tag: str = "fixed_pt") -> d
 )
 def test_a_small_front_end_spikes_as_on_the_host(job: str, images: int) -> None:
     assert set(differing(job, TINY, images).values()) == {0}
+
+
+def whole() -> WholeNetwork:
+    """The small front end, and eight neurons that hear its cells: each those of one channel, less what all hear."""
+    spec = replace(TINY, levels=12, race=8, reading=4)
+    channel = np.arange(spec.populations["cells"])[:, None] // spec.grid**2
+    weights = np.where(channel == np.arange(8), 7, -1).astype(np.int16)
+    bias = -np.arange(8, dtype=np.int32) << INPUT_SHIFT
+    numbers = {"bits": 3, "signed": True, "threshold": 20, "inhibition": 9, "inhibition_exponent": 4, "decay": 300}
+    steps = {"steps": spec.ticks, "regular": True, "direct": spec.offset_step}
+    return WholeNetwork.of(spec, FixedNetwork(weights, bias, **numbers, **steps))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("job", ["composed", pytest.param("library", marks=pytest.mark.slow)])
+def test_neurons_that_hear_its_cells_spike_as_on_the_host(job: str) -> None:
+    assert differing(job, whole(), 2) == dict.fromkeys(whole().populations, 0)
 
 
 @pytest.mark.slow
