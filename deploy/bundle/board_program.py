@@ -106,6 +106,7 @@ def run_program(
     words: Sequence[str | Path] = (),
     *,
     bias: NDArray[np.int32] | None = None,
+    pixels: NDArray[np.uint8] | None = None,
     patience: float,
     advance: Callable[[int], None] | None = None,
 ) -> EndedProgram:
@@ -118,6 +119,7 @@ def run_program(
         keys: Keys of the presentations, uint64 (n,).
         words: More words of its command line.
         bias: Biases of each presentation in units of v, int32 (n, neurons); None: always the bundle's.
+        pixels: Grey levels of each image, uint8 (n, height, width), in place of rates and keys; None: these are sent.
         patience: Seconds without progress after which it is stopped.
         advance: Called with how many more queries are done.
     Raises:
@@ -125,8 +127,11 @@ def run_program(
     """
     queries, out, log, errors = (folder / name for name in ("queries", "out", "log", "errors"))
     queries.mkdir()
-    np.save(queries / "rates.npy", np.ascontiguousarray(rates, np.uint16), allow_pickle=False)
-    np.save(queries / "keys.npy", np.ascontiguousarray(keys, np.uint64), allow_pickle=False)
+    if pixels is not None:
+        np.save(queries / "pixels.npy", np.ascontiguousarray(pixels), allow_pickle=False)
+    else:
+        np.save(queries / "rates.npy", np.ascontiguousarray(rates, np.uint16), allow_pickle=False)
+        np.save(queries / "keys.npy", np.ascontiguousarray(keys, np.uint64), allow_pickle=False)
     if bias is not None:
         for name, array in zip(("biases", "exponents"), bias_registers(bias), strict=True):
             np.save(queries / f"{name}.npy", array, allow_pickle=False)
@@ -230,6 +235,7 @@ def run_bundle(
     keys: NDArray[np.uint64],
     *,
     bias: NDArray[np.int32] | None = None,
+    pixels: NDArray[np.uint8] | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> NDArray[np.int32]:
     """Present queries to the bundle's board. Queries that it does not answer are presented once more to a board that
@@ -240,6 +246,7 @@ def run_bundle(
         rates: Spikes a step in units of 2^-16, uint16 (n, inputs).
         keys: Keys of the presentations, uint64 (n,).
         bias: Biases of each presentation in units of v, int32 (n, neurons); None: always the bundle's.
+        pixels: As in `run_program`.
         advance: Called with how many more queries are done.
     Returns:
         Counts int32 (n, neurons), every row from the board.
@@ -259,6 +266,7 @@ def run_bundle(
                 rates[left],
                 keys[left],
                 bias=None if bias is None else bias[left],
+                pixels=None if pixels is None else pixels[left],
                 patience=PATIENCE,
                 advance=advance,
             )

@@ -163,7 +163,8 @@ def distinctive(model: Model) -> NDArray[np.float64]:
 def _quantised(model: Model, weights: NDArray[np.float64]) -> FixedNetwork:
     """The integer network of ``weights`` of norm 1 under the settings of ``model``."""
     network = integer_model(model, PURPOSE).config.network
-    return quantise.quantise(weights, network, shown_references(model.stretches, model.activity, model.config))
+    shown = shown_references(model.stretches, model.activity, model.config)
+    return quantise.quantise(weights, network, shown, model.config.encoder.direct)
 
 
 def fitting(model: Model, board: Board, bits: int, weights: NDArray[np.float64]) -> FixedNetwork:

@@ -13,6 +13,7 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle import folder as bundle_folder
+from lava_vpr.deploy.bundle.direct import direct_contents
 from lava_vpr.deploy.bundle.folder import ReadBundle, json_bytes
 from lava_vpr.deploy.bundle.front_end import FRONT_END, front_end_files
 from lava_vpr.deploy.bundle.gains import FACTS, facts, gain_files
@@ -23,8 +24,10 @@ from lava_vpr.deploy.cost.expected import timed
 from lava_vpr.deploy.hardware.belief import BIAS_INPUT, DENSE, LEARNING, LONG, NARROW, HardwareBelief
 from lava_vpr.deploy.hardware.loihi_2 import RESET_SHOWN
 from lava_vpr.deploy.hardware.table import relied_on
+from lava_vpr.deploy.mapping.front_end import PlacedFrontEnd
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.engine.presentations import cores
+from lava_vpr.errors import ConfigError
 from lava_vpr.loihi import WEIGHT_BITS
 from lava_vpr.model import Model, checked_content, integer_model
 from lava_vpr.season.table import GainTable
@@ -33,10 +36,21 @@ from lava_vpr.training.measuring import expected_rates, reference_responses
 
 @dataclass(frozen=True)
 class Deployed:
-    """A written bundle and its plan."""
+    """A written bundle and its plan; of neurons that hear the cells of a front end, where all populations stand."""
 
     bundle: ReadBundle
-    plan: Plan
+    placed: Plan | PlacedFrontEnd
+
+    @property
+    def plan(self) -> Plan:
+        """The plan.
+
+        Raises:
+            ConfigError: the neurons hear the cells of a front end.
+        """
+        if not isinstance(self.placed, Plan):
+            raise ConfigError("neurons that hear the cells of a front end have no plan of their own")
+        return self.placed
 
 
 def plan_of(model: Model, board: Board, *, dense_rows: bool = False) -> Plan:
@@ -64,8 +78,12 @@ def contents(
     measured: bool = False,
     dense_rows: bool = False,
     gains: GainTable | None = None,
-) -> tuple[dict[str, Any], dict[str, bytes], Plan]:
+) -> tuple[dict[str, Any], dict[str, bytes], Plan | PlacedFrontEnd]:
     """Manifest (for `deploy.bundle.folder.sealed`), files and plan of the bundle of ``model``; see `deploy`."""
+    if model.config.encoder.direct is not None:
+        target = TARGETS[board.name]
+        own = integer_model(model, board.title)
+        return direct_contents(own, board, program_files(target.program), holds=target.holds_front_end)
     plan, target = timed(plan_of(model, board, dense_rows=dense_rows), model), TARGETS[board.name]
     if not measured:
         responses = reference_responses(plan.network, model.activity, model.places, model.config, Pool(cores()))

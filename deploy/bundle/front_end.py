@@ -18,9 +18,10 @@ from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle, array_byt
 from lava_vpr.deploy.mapping.front_end import NO_AXONS
 from lava_vpr.deploy.mapping.front_end_images import front_end_images
 from lava_vpr.deploy.registers.front_end import FrontEndChips
-from lava_vpr.errors import BundleError, NetworkLimitError
+from lava_vpr.engine.inference.whole import WholeNetwork
+from lava_vpr.errors import BundleError, ConfigError, NetworkLimitError
 from lava_vpr.inputs.front_end import FrontEnd
-from lava_vpr.model import Model
+from lava_vpr.model import IntegerModel, Model, integer_model
 
 FRONT_END = "front_end"
 """Its key in the manifest, and the folder of its files."""
@@ -28,6 +29,26 @@ _CORES, _TABLE = f"{FRONT_END}/{CORES}", f"{FRONT_END}/{HOST_TABLE}"
 
 LEFT_OUT = "left_out"
 """The key of the reason why it is left out."""
+
+
+def whole_of(model: IntegerModel) -> WholeNetwork:
+    """The front end of ``model`` with the network that hears its cells, and its counters.
+
+    Raises:
+        ConfigError: no neuron hears the cells.
+    """
+    spec = model.config.encoder.direct
+    if spec is None:
+        raise ConfigError("these neurons do not hear the cells of a front end; train with --input frontend-direct")
+    return WholeNetwork.of(spec, model.network, counted=True)
+
+
+def front_end_of(model: Model) -> FrontEnd | None:
+    """The front end that a bundle of ``model`` holds, with the network that hears its cells; None: it has none."""
+    if model.config.encoder.direct is None:
+        return model.config.encoder.front_end
+    return whole_of(integer_model(model, "a bundle"))
+
 
 FrontEndPlayer = Callable[[NDArray[np.uint8]], Mapping[str, NDArray[np.uint8]]]
 """Every spike of each population by name, uint8 (n, steps, neurons), of images' grey levels, uint8 (n, height, width).
@@ -75,6 +96,8 @@ def held_sentence(said: Mapping[str, Any]) -> str:
     """What a bundle holds of a front end, for people, by what its manifest says."""
     if LEFT_OUT in said:
         return f"The bundle holds no spiking front end: {said[LEFT_OUT]}. The host counts the front end's spikes."
+    if "exc" in said["populations"]:
+        return f"From pixels to places the network stands on {said['cores']} cores, and takes {said['steps']} steps."
     return (
         f"The spiking front end stands on {said['cores']} cores more, which lava-vpr's --backend bundle simulates; the "
         "board's program runs the network alone, and the host counts the front end's spikes."
@@ -95,7 +118,7 @@ def check_front_end(bundle: ReadBundle, model: Model, *, holds: bool = True) -> 
     if said is None and not held:
         return
     taken = [(image.chip, image.core) for image in core_images(bundle)]
-    files, facts = front_end_files(model.config.encoder.front_end, BOARDS[bundle.target], taken, holds=holds)
+    files, facts = front_end_files(front_end_of(model), BOARDS[bundle.target], taken, holds=holds)
     if facts is None or json.dumps(said, sort_keys=True) != json.dumps(facts, sort_keys=True):
         raise BundleError(f"{bundle.at(MANIFEST)}: what it says of a front end is not what its settings make; {AGAIN}")
     if held - set(files):

@@ -9,7 +9,9 @@ from typing import Any
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.front_end import held_sentence
 from lava_vpr.deploy.hardware.belief import HardwareBelief
+from lava_vpr.deploy.mapping.front_end import PlacedFrontEnd
 from lava_vpr.deploy.show.tables import modelled_time
+from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.model import Model
 
 _TEXT = """\
@@ -91,6 +93,52 @@ NETWORK = """\
 - `mapping.json`, `mapping.svg`: an estimate by the limits that are public.
 """
 
+_DIRECT = """\
+# From pixels to places on {title}
+
+It recognises {places} places (`{first}` to `{last}`). Pixels are written once a query; {total:,} neurons on {cores}
+cores, of which {neurons} stand for places, spike for {steps} steps; then the counts of these are read. The host
+computes nothing between the two. What each population takes is in `mapping.json`.
+
+Needs: the board, Intel's NxSDK 0.9 to 1.0 (closed; from Intel's neuromorphic research community) and a Python
+that has it, with numpy. NxSDK compiles `program/embedded.c` for the chips' embedded processors. Nothing else,
+not lava-vpr.
+
+    export KAPOHOBAY=1                         NxSDK looks for this board then
+    python program/run.py --check              everything but the board: the files (without numpy or NxSDK), NxSDK
+    python program/run.py --simulate --self-test 2  the registers in numpy, no board and no NxSDK needed
+    python program/run.py --ladder FILE     self-tests from one neuron on; FILE is what to send back
+    python program/run.py --self-test          small pictures of places; counts must equal host/counts.npy
+    python program/run.py --queries Q --out R  Q/pixels.npy uint8 (n, {height}, {width}) in, R/counts.npy out
+    .. --power P                               P, JSON: power in mW and time of a step, idle subtracted
+
+With lava-vpr on the same machine, images go in and places come out:
+
+    NXSDK_PYTHON=/path/to/python lava-vpr eval THIS_FOLDER QUERY_IMAGES --backend kapoho-bay
+
+## What is what
+
+- `manifest.json`: network, limits of the board, how states are cleared between queries, checksums of all
+  files. The programs refuse to run a bundle that was altered.
+- `front_end/cores/chipC-coreNNN/`: registers, compartments (profile, threshold, bias mantissa, bias exponent), synapse
+  memory in 64-bit words, input axons (first word, words, synapses), output axons (source, chip, core, axon).
+- `front_end/host/`: chip, core and compartment of every neuron of each population; `exc` are the neurons of places,
+  `counters` count their spikes.
+- `host/weights.npy`, `host/bias.npy`: the network of places, as the cores hold it.
+- `host/pixels.npy`, `host/counts.npy`: small pictures of places, and the spike counts that they must give.
+- `host/responses.npy`, `host/references.lvpr`: spike counts of the references, names, settings and small images, for
+  lava-vpr's decoders and reports.
+
+A place's score is the sum over neurons of responses[i, place] / responses[i].sum() * counts[i], which the
+configured decoder scales; the highest score is the place.
+
+## What no public source shows
+
+This bundle rests on these beliefs about the hardware; lava-vpr's docs/hardware.md says why they are held.
+
+{unproven}
+"""
+
 _LEARNING = "- `learning/`: the network that learns, for Lava's LearningDense: rule, start weights, schedule.\n"
 _GAINED = """\
 - `host/gains.lvpg`: what the queries of a drive are presented with, gains of inputs and biases of neurons. With
@@ -102,6 +150,27 @@ _FRONT_END = """\
 """
 _INJECTED = "{} trains, injected spike by spike"
 _BIAS = "integrated by input compartments from a bias written once a query"
+
+
+def direct_readme(model: Model, spec: FrontEnd, plan: PlacedFrontEnd, unproven: Iterable[HardwareBelief]) -> bytes:
+    """What the folder is and how to run it, of a network that hears the cells of the front end ``spec``."""
+    return _DIRECT.format(
+        title=plan.board.title,
+        places=model.places,
+        first=model.place_names[0],
+        last=model.place_names[-1],
+        total=sum(spec.populations.values()),
+        cores=plan.cores,
+        neurons=model.neurons,
+        steps=spec.steps,
+        height=spec.height,
+        width=spec.width,
+        unproven=_rows(unproven),
+    ).encode()
+
+
+def _rows(unproven: Iterable[HardwareBelief]) -> str:
+    return "\n".join(f"- {row.name}: if it is wrong, {row.breaks}" for row in unproven)
 
 
 def readme(
@@ -145,6 +214,6 @@ def readme(
         before=f"\n{textwrap.fill(held_sentence(front_end), 110)}\n" if front_end else "",
         programs=guide,
         parts=parts + _LEARNING * learning + _GAINED * gained + _FRONT_END * ("cores" in (front_end or ())),
-        unproven="\n".join(f"- {row.name}: if it is wrong, {row.breaks}" for row in unproven),
+        unproven=_rows(unproven),
     )
     return text.encode()

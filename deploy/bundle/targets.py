@@ -19,15 +19,16 @@ from lava_vpr.deploy.boards.memory import UNLIMITED
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle import core_files, folder as bundle_folder, loihi2, readme
 from lava_vpr.deploy.bundle.core_files import BundlePlayer, scalars
+from lava_vpr.deploy.bundle.direct import check_direct, direct_network
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle
 from lava_vpr.deploy.bundle.front_end import check_front_end
 from lava_vpr.deploy.bundle.gains import check_gains
 from lava_vpr.deploy.bundle.learning import SETTINGS, check_learning
 from lava_vpr.deploy.bundle.references import read_references, referenced
-from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.inference.fixed import OF_DIRECT, FixedNetwork
 from lava_vpr.errors import BackendUnavailableError, BundleError, brief
 from lava_vpr.isolated import lifetime
-from lava_vpr.model import Model
+from lava_vpr.model import Model, integer_model
 from lava_vpr.rows.registry import Registry
 from lava_vpr.settings.ranges import whole
 
@@ -140,7 +141,10 @@ def open_whole(path: Path) -> tuple[ReadBundle, Model]:
     if most < UNLIMITED and not (isinstance(spikes, int) and whole(spikes) and 0 <= spikes <= most):
         raise BundleError(f"{at}: has host_spikes {brief(spikes)}, of 0..{most}; {AGAIN}")
     kept = read_references(whole_bundle, stated)
-    rebuilt = target.network(whole_bundle)
+    if OF_DIRECT in stated:
+        rebuilt = direct_network(whole_bundle, stated, holds=target.holds_front_end)
+    else:
+        rebuilt = target.network(whole_bundle)
     for name, number in {"inputs": rebuilt.inputs, "neurons": rebuilt.neurons, **rebuilt.scalars}.items():
         if number != stated[name]:
             raise BundleError(f"{at}: says {name} {stated[name]}, but its other files say {number}; {AGAIN}")
@@ -150,6 +154,7 @@ def open_whole(path: Path) -> tuple[ReadBundle, Model]:
             raise BundleError(f"{whole_bundle.at(SETTINGS)}: is for a board that does not learn; {AGAIN}")
         check_learning(whole_bundle, model)
     check_gains(whole_bundle, model)
+    check_direct(whole_bundle, integer_model(model, "a bundle"))
     check_front_end(whole_bundle, model, holds=target.holds_front_end)
     return whole_bundle, replace(model, bundle=path)
 

@@ -27,6 +27,8 @@ from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.inputs.front_end_network import populations
 from lava_vpr.loihi import NO_MEMORY_DECAY
 
+COUNTS_OF_CELLS, COUNTS_OF_EXC = "counts of cells", "counts of exc"
+"""What is read after a presentation, by the registers' name: of cells, or of the neurons of places that hear these."""
 Floats = NDArray[np.float64]
 Films = Mapping[str, NDArray[np.uint8]]
 
@@ -73,7 +75,7 @@ class FrontEndCosts:
         cores: Cores that the populations take, each on cores of its own.
         layers: Events of each population by name.
         registers: Registers written or read for an image by what for: ``pixels`` (or ``events``, spikes that are sent),
-            ``clearing of states``, ``counts of cells``.
+            ``clearing of states``, ``counts of cells`` (or ``counts of exc``).
         packets: Packets of the host for an image: those of the pixels or events, and of the counts.
         dynamic_microjoules: Of the steps, by population.
         between_microjoules: Of the registers, by what for; their way on the mesh left out.
@@ -164,7 +166,7 @@ def registers_between(spec: FrontEnd, plan: PlacedFrontEnd, events: float) -> di
     return {
         **({EVENTS: round(events)} if spec.window else {"pixels": pixels}),
         "clearing of states": 0 if isinstance(plan.board.clearing, LifReset) else kept,
-        "counts of cells": sizes["cells"],
+        COUNTS_OF_EXC if "exc" in sizes else COUNTS_OF_CELLS: sizes.get("exc", sizes["cells"]),
     }
 
 
@@ -256,7 +258,7 @@ def _between_milliseconds(
     """Time of an image's registers by what for: packets of the host, and what an embedded processor does."""
     found = {}
     for what, words in _words(spec, registers).items():
-        handled = sent(words) if what == "counts of cells" else received(words)
+        handled = sent(words) if what in (COUNTS_OF_CELLS, COUNTS_OF_EXC) else received(words)
         processor = Accesses(registers[what], handled).nanoseconds(constants) * 1e-6
         found[what] = constants.host_message * (-(-words // ROOM) / 1e3) + processor
     return found

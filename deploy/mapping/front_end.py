@@ -131,8 +131,10 @@ def placed(spec: FrontEnd, board: Board) -> PlacedFrontEnd:
 
 
 def _axons_out(name: str, rows: Rows, found: Mapping[str, PlacedPopulation]) -> int:
-    """Most output axons of a core of a population: one of each neuron for each of its rows."""
+    """Most output axons of a core of a population: one of each neuron for each of its rows; counters have none."""
     sent = [on_cores(row, found[target].starts) for (source, target, _), row in rows.items() if source == name]
+    if not sent:
+        return 0
     axons = sum(np.asarray(cores.astype(bool).sum(axis=0)).ravel() for cores in sent)
     return int(np.add.reduceat(axons, found[name].starts).max())
 

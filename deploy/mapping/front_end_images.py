@@ -59,7 +59,7 @@ def front_end_images(spec: FrontEnd, board: Board, taken: Sequence[tuple[int, in
             chip, number, _ = tables[name][start].tolist()
             words, entries = pack(*rows[name, core])
             own = out[(out[:, 0] >= start) & (out[:, 0] < start + size)] - [start, 0, 0, 0]
-            compartments = _compartments(groups[name], name)[start : start + size]
+            compartments = _compartments(groups[name], name, spec.reading > 0)[start : start + size]
             registers = core_registers([_profile(groups[name])], len(compartments), rows[name, core][1])
             images.append(CoreImage(chip, number, registers, compartments, words, entries, own.astype(np.int32)))
     return FrontEndImages(tuple(images), tables)
@@ -87,11 +87,12 @@ def _profile(group: NeuronGroup) -> tuple[int, int, int]:
     return group.du, group.dv, max(1, group.threshold)
 
 
-def _compartments(group: NeuronGroup, name: str) -> NDArray[np.int32]:
-    """Profile, threshold register, bias mantissa and exponent of each; the host writes the mantissas of pixels."""
+def _compartments(group: NeuronGroup, name: str, begun: bool) -> NDArray[np.int32]:
+    """Profile, threshold register, bias mantissa and exponent of each; the host writes the mantissas of pixels, and, so
+    that a presentation is ``begun``, that of the clock."""
     found = np.zeros((group.size, 4), np.int32)
     if group.bias is not None:  # above a threshold of 1, too
-        found[:, 2], found[:, 3] = group.bias, BIAS_EXPONENT_LIMIT
+        found[:, 2], found[:, 3] = 0 if begun else group.bias, BIAS_EXPONENT_LIMIT
     elif name == "pixels":
         found[:, 3] = BIAS_EXPONENT
     return found

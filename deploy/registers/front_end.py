@@ -1,7 +1,7 @@
 """The cores of a spiking front end, at the level of their registers: pixels in, every spike out.
 
 Before an image the host clears current and membrane of every compartment, and writes the biases of pixels, grey levels,
-once; nothing else is written.
+once, and, where neurons of places hear the cells, that of the clock's first neuron; nothing else is written.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.registers.core_images import CoreImage
 from lava_vpr.deploy.registers.simulator import Wired
 from lava_vpr.deploy.registers.simulator_kernels import present
+from lava_vpr.loihi import BIAS_EXPONENT_LIMIT
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,7 @@ class FrontEndChips:
             state = self.wired.rested()
             pixels = self.places["pixels"]
             state.bias[pixels] = levels << self.exponents
+            state.bias[self.places["clock"][0]] = 1 << BIAS_EXPONENT_LIMIT
             film = np.zeros((self.steps, len(state.bias)), np.uint8)
             stopped = present(self.wired.wiring, state, self.wired.threshold, pixels, self.steps, *nothing, film)
             self.wired.check(state, number, *stopped)

@@ -152,22 +152,29 @@ def front_end_table(placed: PlacedFrontEnd, others: int, left_out: str = "") -> 
         rows.append((name, *(f"{value:,}" for value in cells), f"{100 * each.memory:.1f} %", each.binds or NONE))
     summed = (sum(getattr(each, key) for each in placed.populations.values()) for key in ("neurons", "stored", "cores"))
     rows.append(("all", *(f"{value:,}" for value in summed), "", "", "", "", ""))
+    whole, have = "exc" in placed.populations, board.chips * board.cores
     fits = f"It does not fit: {exceeded}."
     if not exceeded:
-        fits = f"It fits beside the network's {others} of {board.chips * board.cores} cores."
+        fits = (
+            f"It fits: {placed.cores} of {have} cores."
+            if whole
+            else f"It fits beside the network's {others} of {have} cores."
+        )
     if not (exceeded or board.memory.public):
         fits = "Whether it fits is unknown: it is beyond none of the public numbers."
-    notes = [
-        f"{fits} No board's program runs it (unproven): a board is sent what the host counts. "
-        "Each population stands on cores of its own, in sparse rows of weights that nothing shares.",
-    ]
+    runs = "No board's program runs it (unproven): a board is sent what the host counts."
+    if whole:
+        runs = "One run takes pixels to places; nothing of it was measured on a board (unproven)."
+    own = "Each population stands on cores of its own, in sparse rows of weights that nothing shares."
+    notes = [f"{fits} {runs} {own}"]
     if left_out:
         notes.append(f"No bundle holds it: {left_out}.")
     if isinstance(board.clearing, LifReset) and (reset := reset_interval(placed.steps)) != placed.steps:
         notes.append(f"Its {placed.steps} steps would be {reset}: neurons are reset at powers of two.")
+    title = f"{'pixels to places' if whole else 'the spiking front end'} on {board.title}"
     heads = ("neurons", "synapses", "cores", "compartments", "axons in", "axons out", "memory", "what binds")
     return Table(
-        title=f"the spiking front end on {board.title}; of compartments, axons and memory the most that a core has",
+        title=f"{title}; of compartments, axons and memory the most that a core has",
         columns=("population", *heads),
         rows=rows,
         notes=notes,

@@ -24,6 +24,8 @@ from lava_vpr.model import Model, as_integer
 def plans_of(model: Model, targets: tuple[str, ...]) -> dict[str, Plan | str]:
     """The network's plan for each board, or the reason why it does not fit."""
     plans: dict[str, Plan | str] = {}
+    if model.config.encoder.direct is not None:
+        return dict.fromkeys(targets, "its cost is in the table from pixels to places")
     for name in targets:
         try:
             plans[name] = plan_of(model, BOARDS[name])

@@ -372,3 +372,20 @@ def on_board(costs: Modelled, recall: float, work: float, encoding: float) -> An
     static, whole = figures.static_millijoules, figures.wall_static_millijoules
     later = Estimate.of(lambda level: 1e3 * (whole.at(level) - static.at(level)))
     return AnsweringWay(costs.target, recall, work, encoding, figures.dynamic_microjoules, static * 1e3, later)
+
+
+def from_pixels(name: str, costs: FrontEndCosts, recall: float, work: float, encoding: float) -> AnsweringWay | None:
+    """The way from pixels to places in one run on a board; None if the board's energy is unknown.
+
+    Args:
+        name: Its name.
+        costs: Modelled costs of a query, those of the network of places among them.
+        recall: R@1 of the network.
+        work: The host's own work for a query besides the encoding, ms.
+        encoding: Time until an image is what pixels take, ms.
+    """
+    if costs.dynamic_microjoules is None or costs.between_microjoules is None or costs.static_millijoules is None:
+        return None
+    dynamic = total((*costs.dynamic_microjoules.values(), *costs.between_microjoules.values()))
+    static = costs.static_millijoules * 1e3  # while the chips wait for the host, too
+    return AnsweringWay(name, recall, work, encoding, dynamic, static, Estimate(0, 0, 0))

@@ -14,7 +14,7 @@ from lava_vpr.backends.asking import Asker
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.bench.measure.asked import asked, gains_in_weights, gains_presented
 from lava_vpr.bench.measure.matchers import alone, beside_board, run_peers
-from lava_vpr.bench.measure.timing import measure, measure_encoding, measure_localizer
+from lava_vpr.bench.measure.timing import each_image, measure, measure_encoding, measure_localizer
 from lava_vpr.bench.measure.workload import workload
 from lava_vpr.bench.modelling import costs_of, plans_of
 from lava_vpr.bench.query_set import QuerySet, machine, model_facts
@@ -31,12 +31,14 @@ from lava_vpr.bench.results import (
     StepTimes,
     SweepPoint,
     Workload,
+    from_pixels,
     on_board,
 )
 from lava_vpr.bench.sweep import BUDGET, Case, sweep
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.plan import Plan
+from lava_vpr.deploy.bundle.front_end import front_end_of
 from lava_vpr.deploy.cost.costs import adaptation_microjoules, static_millijoules
 from lava_vpr.deploy.cost.embedded import bias_milliseconds
 from lava_vpr.deploy.cost.front_end import FrontEndCosts, front_end_costs
@@ -103,12 +105,13 @@ class Work:
 
     @cached_property
     def front_end(self) -> dict[str, FrontEndCosts]:
-        """The cost of the spiking front end on each board, from at most `SEEN` queries, evenly spread.
+        """The cost of the spiking front end on each board, with the network that hears its cells if one does, from at
+        most `SEEN` queries, evenly spread.
 
         Raises:
             InputError: the queries' pixels were not kept.
         """
-        spec, images = self.queries.model.config.encoder.front_end, self.queries.images
+        spec, images = front_end_of(self.queries.model), self.queries.images
         if spec is None:
             return {}
         self.begin("counting the front end", 1)
@@ -208,6 +211,8 @@ def _energy(work: Work, variants: QueryVariants | None) -> tuple[AnsweringWay, .
     part = beside_board(work.queries) if as_integer(work.queries.model) is not None else 0.0
     on_boards = (on_board(costs, own, part, encoding) for costs, _ in work.costs.values())
     ways = [way for way in on_boards if way is not None]
+    if work.queries.model.config.encoder.direct is not None:
+        ways += _from_pixels(work, own, part)
     if "host" in medians:
         ways.append(AnsweringWay("host", own, medians["host"], encoding))
     if variants is not None and variants.views == 1:
@@ -215,6 +220,16 @@ def _energy(work: Work, variants: QueryVariants | None) -> tuple[AnsweringWay, .
         ways += [_adapted(way, how, variants, work.plans.get(way.name)) for way in ways]
     cosine = work.answers.metrics["cosine"].recall_at_1
     return (*ways, AnsweringWay("cosine", cosine, alone(work.queries, "cosine"), encoding))
+
+
+def _from_pixels(work: Work, recall: float, decoding: float) -> list[AnsweringWay]:
+    """A query from pixels to places on each board with public constants: the host reads the image and decodes."""
+    spec = front_end_of(work.queries.model)
+    if spec is None:
+        return []
+    seen = float(np.median(each_image(work.traverse, spec.seen)))
+    ways = (from_pixels(name, costs, recall, decoding, seen) for name, costs in work.front_end.items())
+    return [way for way in ways if way is not None]
 
 
 def _adapted(way: AnsweringWay, how: str, variants: QueryVariants, plan: Plan | str | None) -> AnsweringWay:

@@ -67,6 +67,8 @@ def sweepable(model: Model) -> str | None:
     """Why settings of ``model`` cannot be searched; None if they can."""
     if as_integer(model) is None:
         return str(CONDUCTANCE.refusal("the search of settings"))
+    if model.config.encoder.direct is not None:
+        return "these neurons hear the cells of the front end themselves; train with --input frontend"
     if not model.learned.size:
         return "a bundle has no float weights to quantise again; give the model that was deployed"
     return None

@@ -128,7 +128,7 @@ def _refuse(model: Model, path: Path, request: Request) -> None:
     from lava_vpr.deploy.bundle.deployment import plan_of
 
     if as_integer(model) is not None:
-        lif_model(model, "bench", path)
+        lif_model(model, "bench", path, direct=True)
     reason = sweepable(model) if request.sweep else None
     if reason is not None:
         raise ConfigError(f"{path}: --sweep: {reason}")

@@ -362,6 +362,7 @@ def encode_queries(
 ) -> tuple[EncodedTraverse, ...]:
     """Read a traverse and encode it as ``model`` does, in all views in which it is asked, with a progress bar."""
     views, framing = asking.of(model), asking.framing(model)
+    keep |= Keep.NOTHING if model.config.encoder.direct is None else Keep.GREY  # what other backends are shown
     return encode_in_views(traverse, model.config.encoder, views, keep, model.standard, framing)
 
 

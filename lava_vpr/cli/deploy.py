@@ -16,10 +16,12 @@ from lava_vpr.cli.models.season import applied, applied_option
 from lava_vpr.cli.nouns import every_option, json_option, places_option
 from lava_vpr.cli.outputs import Outputs, show_results
 from lava_vpr.cli.show.boards import (
+    check_as_learned,
     check_dense_rows,
     dense_rows_option,
     input_mode_option,
     placed,
+    rests_on,
     target_option,
     weight_bits_option,
 )
@@ -27,13 +29,14 @@ from lava_vpr.cli.show.headings import CHANGED, IMAGES, LEARNED, OUTPUT, SEASON,
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.bundle.compression import Changes, Compressed, CompressionFigures, for_board
 from lava_vpr.deploy.bundle.deployment import Deployed, deploy as write_bundle, unproven
+from lava_vpr.deploy.bundle.direct import unproven as direct_unproven
 from lava_vpr.deploy.bundle.folder import check_replaceable
 from lava_vpr.deploy.bundle.front_end import FRONT_END, held_sentence
 from lava_vpr.deploy.bundle.targets import TARGETS
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import shown
 from lava_vpr.experiments.calibration import Calibration, calibrated, figures, search
-from lava_vpr.model import Model, integer_model, lif_model
+from lava_vpr.model import IntegerModel, Model, integer_model, lif_model
 from lava_vpr.season.table import load as load_table
 from lava_vpr.show.numbers import percent
 from lava_vpr.show.table import Table
@@ -170,7 +173,12 @@ def deploy(
     check_dense_rows(board, dense_rows)
     check_replaceable(output)
     outputs = Outputs((json_path,), folders=(output,), read=(season, replay), model=model_path, images=images.sources)
-    model, _ = applied(lif_model(open_model(model_path), board.title, model_path), season)
+    found = lif_model(open_model(model_path), board.title, model_path, direct=True)
+    if found.network.direct:
+        others = {"--calibrate": images.calibrate, "--season": season, "--replay": replay, "--learning": learning}
+        check_as_learned(model_path, {**changes._asdict(), "--dense-rows": dense_rows, **others})
+        return _direct(found, board, output, json_path)
+    model, _ = applied(found, season)
     table = None if replay is None else load_table(replay)
     calibration = images.of(model, outputs)
     compressed = _compressed(model, board, changes, calibration, images.max_loss)
@@ -184,6 +192,26 @@ def deploy(
     said += [] if front_end is None else [held_sentence(front_end)]
     values = _values(model, compressed, deployed, learned)
     show_results([*compared, *said, f"bundle: {shown(output)}"], {json_path: values})
+
+
+def _direct(model: IntegerModel, board: Board, output: Path, json_path: Path | None) -> None:
+    """Write the bundle of neurons that hear the cells of the front end themselves."""
+    with stage(f"placing pixels to {model.places:,} places, and writing the bundle"):
+        deployed = write_bundle(model, board, output)
+    manifest = deployed.bundle.manifest
+    values = {
+        "target": board.name,
+        "places": model.places,
+        "neurons": model.neurons,
+        "weight_bits": model.weight_bits,
+        "cores": manifest[FRONT_END]["cores"],
+        "compression": None,
+        "learning": None,
+        "unproven": manifest["unproven"],
+        "modelled": None,
+    }
+    rests = rests_on(direct_unproven(board))
+    show_results([held_sentence(manifest[FRONT_END]), rests, f"bundle: {shown(output)}"], {json_path: values})
 
 
 def _written(compressed: Compressed, board: Board, output: Path, **options: Any) -> Deployed:

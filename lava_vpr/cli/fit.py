@@ -13,10 +13,12 @@ from lava_vpr.cli.common import PATH, Number, progress_bar, setting_type, stage
 from lava_vpr.cli.nouns import json_option
 from lava_vpr.cli.outputs import Outputs, show_results
 from lava_vpr.cli.show.boards import (
+    check_as_learned,
     check_dense_rows,
     dense_rows_option,
     input_mode_option,
     placed,
+    rests_on,
     target_option,
     weight_bits_option,
 )
@@ -26,7 +28,7 @@ from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.errors import shown
 from lava_vpr.inputs.encoder import EncoderConfig
 from lava_vpr.inputs.views import ViewsConfig
-from lava_vpr.model import lif_model
+from lava_vpr.model import IntegerModel, lif_model
 from lava_vpr.show.table import Table
 
 if TYPE_CHECKING:
@@ -105,7 +107,10 @@ def _model(
     from lava_vpr.deploy.bundle.deployment import mapping, modelled, plan_of, unproven
     from lava_vpr.deploy.cost.expected import timed
 
-    model = lif_model(open_model(model_path), board.title, model_path)
+    model = lif_model(open_model(model_path), board.title, model_path, direct=True)
+    if model.network.direct:
+        check_as_learned(model_path, {"--dense-rows": dense_rows, "--picture": picture, **changes._asdict()})
+        return _direct(board, model, json_path)
     with stage(f"placing {model.neurons:,} neurons"):
         compressed = adapted(model, board, changes)
         plan = timed(plan_of(compressed.model, board, dense_rows=dense_rows), compressed.model)
@@ -131,6 +136,28 @@ def _model(
         files[picture] = draw(plan).decode()
         said.append(f"picture: {shown(picture)}")
     return show_results(said, files)
+
+
+def _direct(board: Board, model: IntegerModel, json_path: Path | None) -> list[Table]:
+    """What each population takes of the board where neurons hear the cells of the front end themselves."""
+    from lava_vpr.deploy.bundle.direct import unproven
+    from lava_vpr.deploy.bundle.front_end import whole_of
+    from lava_vpr.deploy.mapping.front_end import placed as placed_front_end
+    from lava_vpr.deploy.show.tables import front_end_table
+
+    with stage(f"placing {sum(whole_of(model).populations.values()):,} neurons"):
+        found = placed_front_end(whole_of(model), board)
+    rows = unproven(board)
+    values = {
+        "target": board.name,
+        "fits": found.as_json(0)["fits"],
+        "places": model.places,
+        "neurons": model.neurons,
+        "weight_bits": model.weight_bits,
+        "front_end": found.as_json(0),
+        "unproven": [row.name for row in rows],
+    }
+    return show_results([front_end_table(found, 0), rests_on(rows)], {json_path: values})
 
 
 def _front_end(encoder: EncoderConfig, board: Board, cores: int) -> tuple[list[Table], dict[str, Any]]:

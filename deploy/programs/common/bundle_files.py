@@ -116,6 +116,11 @@ class Bundle:
         except (KeyError, TypeError, ValueError):
             raise bad(self.folder, MANIFEST, "does not describe the network") from None
 
+    @property
+    def direct(self) -> bool:
+        """Whether neurons of places hear the cells of a front end: pixels are what queries bring."""
+        return "direct" in self.manifest["network"]
+
     def array(self, name: str) -> Any:
         """The array in a file."""
         try:

@@ -15,13 +15,22 @@ from command_line import parsed, parser
 from first_look import bundle_of
 from gained import under_gains
 from ladder import REFERENCES, Attempt, climb, kept, rows_of, say, see_to, versions
-from references import check_biases, check_queries, compare, fewest, first_places
+from references import (
+    check_biases,
+    check_pixels,
+    check_queries,
+    compare,
+    compare_pictures,
+    fewest,
+    first_places,
+)
 from refusals import Refused, interrupt
 from result_files import Results, fail, put
 from rungs import Rung, rungs
 from ways import OtherWay, chosen
 
-Arrays = Dict[str, np.ndarray]  # rates and keys of queries; biases and exponents, if they have any
+PIXELS = "host/pixels.npy"
+Arrays = Dict[str, np.ndarray]  # rates and keys of queries; biases and exponents, if they have any; or pixels alone
 
 
 class Host:
@@ -84,7 +93,9 @@ class Host:
         self.use(ways)
         try:
             if name in REFERENCES:
-                n = fewest(self.bundle.array("host/labels.npy")) if name == REFERENCES[0] else 0
+                n = 0
+                if name == REFERENCES[0]:
+                    n = 1 if self.bundle.direct else fewest(self.bundle.array("host/labels.npy"))
                 return {"said": self_test(self, n)}
             rung = next(rung for rung in self.plain() + self.further() if rung.name == name)
             return {"found": np.asarray(self.ask(rung)).tolist()}
@@ -119,6 +130,10 @@ def load_queries(bundle: Bundle, folder: str, inputs: int, neurons: int) -> Arra
     Raises:
         Refused: they cannot be read, do not fit the network, or are not those of the table.
     """
+    if bundle.direct:
+        pixels = load_array(folder, "pixels")
+        check_pixels(pixels, bundle.array(PIXELS).shape[1:], folder)
+        return {"pixels": pixels}
     there = [name for name in ("activity", "rates", "biases") if os.path.exists(os.path.join(folder, name + ".npy"))]
     if there[:1] == ["activity"]:
         if len(there) > 1:
@@ -137,7 +152,7 @@ def load_queries(bundle: Bundle, folder: str, inputs: int, neurons: int) -> Arra
 def answer(host: Host) -> str:
     """Present the queries of a folder; what was done."""
     arrays = load_queries(host.bundle, host.options.queries, host.inputs, host.neurons)
-    n = len(arrays["keys"])
+    n = len(arrays["pixels" if host.bundle.direct else "keys"])
     host.present(arrays, Results(n, host.neurons, host.options.out))
     return f"{n} of {n} queries answered"
 
@@ -148,6 +163,8 @@ def self_test(host: Host, n: int) -> str:
     Raises:
         Refused: the counts are not those of the bundle.
     """
+    if host.bundle.direct:
+        return picture_test(host, n)
     rates, keys, labels, responses = (
         host.bundle.array(f"host/{name}.npy") for name in ("rates", "keys", "labels", "responses")
     )
@@ -156,6 +173,19 @@ def self_test(host: Host, n: int) -> str:
     results = Results(n, host.neurons, host.options.out)
     host.present({"rates": rates[:n], "keys": keys[:n]}, results)
     return compare(results.counts, labels[:n], places, responses)
+
+
+def picture_test(host: Host, n: int) -> str:
+    """Present the first ``n`` pictures of places (0: all); what was compared.
+
+    Raises:
+        Refused: the counts are not those of the bundle.
+    """
+    pixels, counts = host.bundle.array(PIXELS), host.bundle.array("host/counts.npy")
+    n = min(n, len(pixels)) if n else len(pixels)
+    results = Results(n, host.neurons, host.options.out)
+    host.present({"pixels": pixels[:n]}, results)
+    return compare_pictures(results.counts, counts[:n])
 
 
 def ladder(host: Host) -> str:

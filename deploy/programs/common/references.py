@@ -19,6 +19,34 @@ def check_queries(rates: np.ndarray, keys: np.ndarray, inputs: int, where: objec
         raise Refused("input", f"{where}: keys.npy is {keys.dtype} {keys.shape}, but must be uint64 ({len(rates)},)")
 
 
+def check_pixels(pixels: np.ndarray, shape: tuple, where: object) -> None:
+    """Refuse pixels that are not for this network, whose images have this ``shape``.
+
+    Raises:
+        Refused: wrong type or shape.
+    """
+    if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[1:] != shape:
+        wanted = "uint8 (n, {}, {})".format(*shape)
+        raise Refused("input", f"{where}: pixels.npy is {pixels.dtype} {pixels.shape}, but must be {wanted}")
+
+
+def compare_pictures(counts: np.ndarray, wanted: np.ndarray) -> str:
+    """What was compared, of pictures whose counts the bundle has.
+
+    Raises:
+        Refused: the counts are not those of the bundle.
+    """
+    wrong = counts != wanted
+    if wrong.any():
+        picture, neuron = (int(x) for x in np.argwhere(wrong)[0])
+        raise Refused(
+            "result",
+            f"self-test: neuron {neuron} counts {counts[picture, neuron]} spikes for picture {picture} instead of "
+            f"{wanted[picture, neuron]}; {int(wrong.sum())} of {wrong.size} counts differ",
+        )
+    return f"equal: {len(counts)} pictures, {wrong.size} counts, {int(counts.sum())} spikes of exc"
+
+
 def check_biases(mantissas: np.ndarray, exponents: np.ndarray, shape: tuple, where: object) -> None:
     """Refuse biases of queries that are not for this network, ``shape`` (n, neurons), or that no register holds.
 

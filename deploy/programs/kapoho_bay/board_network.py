@@ -76,6 +76,7 @@ class Network:
         self.inputs, self.neurons = bundle.numbers("inputs", "neurons")
         self.steps, self.silent = bundle.numbers("steps", "silent_steps")
         self.regular, self.bias_input = (bool(number) for number in bundle.numbers("regular", "bias_input"))
+        self.direct = bundle.direct  # neurons of places hear the cells of the front end: all stands in its folder
         try:
             self.host_spikes = int(bundle.manifest["limits"]["host_spikes"])
         except (KeyError, TypeError, ValueError):
@@ -83,13 +84,21 @@ class Network:
         self.adapted = False  # whether each query brings biases of its own
         self.ways: FrozenSet[str] = frozenset()  # names in board_ways.py
         self.ballast = 0  # bytes of a table that fills a chip's program up
-        folders = sorted({name.rsplit("/", 1)[0] for name in bundle.files if name.startswith("cores/")})
+        own = "front_end/" if self.direct else ""
+        folders = sorted({name.rsplit("/", 1)[0] for name in bundle.files if name.startswith(own + "cores/")})
         self.cores = [Core(bundle, folder) for folder in folders]
-        self.exc, self.counters = bundle.array("host/exc.npy"), bundle.array("host/counters.npy")
-        self.injection = bundle.array("host/injection.npy")
-        inputs = bundle.array("host/inputs.npy")
-        self.sources = inputs if self.bias_input else inputs[:0]  # nobody writes to relays
+        self.exc, self.counters = bundle.array(own + "host/exc.npy"), bundle.array(own + "host/counters.npy")
+        if self.direct:  # the clock's first neuron, then pixels: what a query's biases are written to
+            clock, pixels = bundle.array(own + "host/clock.npy"), bundle.array(own + "host/pixels.npy")
+            self.injection, self.sources = np.zeros((0, 4), np.int32), np.concatenate([clock[:1], pixels])
+            self.bias_input = True
+        else:
+            inputs = bundle.array("host/inputs.npy")
+            self.injection = bundle.array("host/injection.npy")
+            self.sources = inputs if self.bias_input else inputs[:0]  # nobody writes to relays
         chips = [self.exc[:, 0], self.sources[:, 0], self.injection[:, 1]]
+        if self.direct:  # states are cleared everywhere
+            chips.append(np.array([core.chip for core in self.cores]))
         self.chips = [int(chip) for chip in np.unique(np.concatenate(chips))]  # those that need a program of ours
         self.of = {(core.chip, core.core): core for core in self.cores}
         if self.host_spikes > ROOM:

@@ -44,7 +44,8 @@ def header(network: Network, chip: int, core_id: Callable[[int], int]) -> str:
     counters = network.counters[network.exc[:, 0] == chip, 1:]
     sources = network.sources[network.sources[:, 0] == chip, 1:]
     injection = network.injection[network.injection[:, 1] == chip]
-    exc_cores, source_cores, targets = (np.unique(x).tolist() for x in (exc[:, 0], sources[:, 0], injection[:, 2]))
+    own = np.array([core.core for core in network.cores if core.chip == chip and network.direct] or exc[:, 0])
+    exc_cores, source_cores, targets = (np.unique(x).tolist() for x in (own, sources[:, 0], injection[:, 2]))
     axons = np.full((0 if network.bias_input else network.inputs, max(1, len(targets))), NO_AXON)
     axons[injection[:, 0], np.searchsorted(targets, injection[:, 2])] = injection[:, 3]
     to_chip, from_chip = channel_names(chip)
@@ -68,6 +69,7 @@ def header(network: Network, chip: int, core_id: Callable[[int], int]) -> str:
     }
     for way in ("fields", "whole-cores", "phases", "masks"):
         numbers[way.upper().replace("-", "_")] = int(way in network.ways)
+    numbers["WHOLE_CORES"] |= int(network.direct)  # populations of all kinds stand on them
     place = "struct { uint16_t core, compartment; }"
     lines = [f"/* Written by run.py for chip {chip}. */", '#include <stdint.h>\n#include "nxsdk.h"']
     lines += [f"#define LV_{name} ({value})" for name, value in numbers.items()]

@@ -10,6 +10,8 @@
                                              if there are, Q/biases.npy int32 (n, neurons) and Q/exponents.npy int32
                                              (n,): mantissas and exponent of each query's biases; or, of a bundle with
                                              gains, Q/activity.npy float32 (n, inputs) alone, of the same images
+                                             of a bundle that takes pixels, Q/pixels.npy uint8 (n, rows, columns)
+                                             alone
     .. --ways W,W                            other ways to ask NxSDK, which --ladder finds and names (LAVA_VPR_WAYS)
     .. --power P                             and P, JSON: power in mW and time, all queries in one run
     .. --simulate                            the registers in numpy, without a board and without NxSDK
@@ -99,7 +101,9 @@ class KapohoBay(host.Host):
 
     def present(self, arrays: host.Arrays, results: Results) -> None:
         """Present all queries, ``--batch`` in a run of the board; for ``--power`` all in one run."""
-        network, rates, keys = self.network, arrays["rates"], arrays["keys"]
+        network, direct = self.network, self.network.direct
+        rates = arrays["pixels" if direct else "rates"]
+        keys = np.zeros(len(rates), np.uint64) if direct else arrays["keys"]
         biases = (arrays["biases"], arrays["exponents"]) if "biases" in arrays else None
         network.adapted = biases is not None
 
@@ -123,12 +127,23 @@ class KapohoBay(host.Host):
     def further(self) -> List[Any]:
         """A rung for every format of synapses that the bundle has and no other rung uses, and for every layer of its
         front end."""
+        if self.network.direct:
+            self.layers = layer_forms(self.network)
+            return list(layer_rungs(self.network.steps))
         bits, signed, size, exponent = self.bundle.numbers("bits", "signed", "inhibition", "inhibition_exponent")
         self.forms = formats_of(self.network)
         self.own = format_rungs(self.forms, bits, bool(signed), size << exponent)
         self.layers = layer_forms(self.network)
         layers = layer_rungs(self.network.steps) if self.layers else []
         return [*(rung for rung, _ in self.own.values()), tables_rung(bits), *layers]
+
+    def plain(self) -> List[Any]:
+        """None where nothing is injected: rungs of the layers show what such a bundle needs."""
+        return [] if self.network.direct else super().plain()
+
+    def single(self) -> dict:
+        """The format of single synapses, as those of counters are."""
+        return self.layers["counters"][0] if self.network.direct else self.forms.single[0]
 
     def use(self, ways: FrozenSet[str]) -> None:
         """The network that is configured knows them."""
@@ -147,7 +162,7 @@ class KapohoBay(host.Host):
     def ask(self, rung: Any) -> np.ndarray:
         """On one core."""
         if isinstance(rung, LayerRung):
-            small = layer_network(self.network, self.forms, self.layers[rung.layer], rung)
+            small = layer_network(self.network, self.single(), self.layers[rung.layer], rung)
             queries = layer_queries(small, rung)
         else:
             small = small_network(self.network, self.forms, rung, self.own.get(rung.name, (rung, None))[1])

@@ -147,12 +147,13 @@ def layer_forms(network: Network) -> Dict[str, List[dict]]:
     return found
 
 
-def layer_network(network: Network, forms: Forms, of_layer: List[dict], rung: LayerRung) -> Any:
+def layer_network(network: Network, single: dict, of_layer: List[dict], rung: LayerRung) -> Any:
     """The rung's network as `Device` and `Simulation` take one: neurons and their counters; nothing is injected.
 
-    Weights of one synapse have the format ``of_layer`` with the least exponent, larger ones that with the greatest.
+    Counters have synapses of the format ``single``. Weights of one synapse have the format ``of_layer`` with the least
+    exponent, larger ones that with the greatest.
     """
-    n, single, rows, axons = len(rung.neurons), forms.single[0], [(1, [0], [register_weight(1, of_layer[0])])], []
+    n, rows, axons = len(rung.neurons), [(1, [0], [register_weight(1, of_layer[0])])], []
     for source in range(n):
         ways = [(target, weight) for start, target, weight in rung.synapses if start == source]
         for number, form, own in (
@@ -220,6 +221,7 @@ def _on_one_core(
         silent=network.silent,
         regular=False,
         bias_input=False,
+        direct=False,
         adapted=False,
         host_spikes=network.host_spikes,
         ways=network.ways,

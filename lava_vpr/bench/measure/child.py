@@ -38,7 +38,7 @@ def host_answer(model: Model, seed: int) -> Answer:
     if as_integer(model) is None:
         host = HostBackend()
         return lambda rates: match(host.count_spikes(model, Presentations(rates, seed))[0])
-    network = checked_network(model, "host")
+    network = checked_network(model, "host", direct=True)
     return lambda rates: match(fixed.count_spikes(network, rates, Presentations(rates, seed).keys)[0])
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lava_vpr import model as model_file
 from lava_vpr.backends import deployed, registry as backends
-from lava_vpr.backends.interface import Presentations
+from lava_vpr.backends.interface import FromPixels, Presentations
 from lava_vpr.backends.lava import LavaBackend
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.bench.measure import board_power, rapl
@@ -71,6 +71,8 @@ def measure(
         backends.require(backend, model)
         if made.queries == 0:
             return replace(made, absent="there are no queries")
+        if backend != "host" and model.config.encoder.direct is not None:
+            return replace(made, absent="from pixels to places nothing but the host engine is timed")
         if on_board:
             return board_power.measure(model, shown, backend)
         if row.timing == "compiled":
@@ -160,6 +162,7 @@ def _compiled(model: Model, shown: Presentations, made: Measured, rounds: int, r
 def _lava(model: Model, shown: Presentations, made: Measured, least: int, rapl_root: Path) -> Measured:
     """The figures of Lava, timed with a run for each query and with many a run; compiling and starting are apart."""
     backend = backends.get(made.name)
+    backend = backend.alone if isinstance(backend, FromPixels) else backend
     if not isinstance(backend, LavaBackend):
         return replace(made, absent=f"{made.name} cannot be timed")
     watts = rapl.idle_watts(root=rapl_root)
@@ -227,7 +230,8 @@ def measure_encoding(
     def encode(image: NDArray[Any]) -> None:
         query_rates(activity_of(image, config.encoder, standard=standard)[None], config)
 
-    does = "an image file read, its channels computed, to input rates; one thread"
+    to = "input rates" if config.encoder.direct is None else "bursts of the cells"
+    does = f"an image file read, its channels computed, to {to}; one thread"
     if traverse.stored is not None:
         does = "a vector in memory to input rates; one thread; what made it of an image is not in it"
     return _stage("encoding", does, each_image(traverse, encode, limit))

@@ -31,8 +31,9 @@ def cells(costs: FrontEndCosts) -> list[tuple[str, ...]]:
 def tables(costs: FrontEndCosts) -> tuple[Table, ...]:
     """Both tables of a board; of one without public constants the first alone."""
     title = BOARDS[costs.board].title
+    named = "pixels to places" if "exc" in costs.layers else "spiking front end"
     layers = Table(
-        title=f"spiking front end on {title}: counted, a presentation of {costs.steps} steps, {costs.cores} cores",
+        title=f"{named} on {title}: counted, a presentation of {costs.steps} steps, {costs.cores} cores",
         columns=("population", *HEADS),
         rows=cells(costs),
         notes=(
@@ -66,10 +67,15 @@ def _besides(costs: FrontEndCosts, title: str) -> Table:
         if EVENTS in costs.registers
         else "Pixels are registers that the host has written"
     )
-    notes = (
-        f"{given}; the host reads the counts of cells and makes rates of them, so a "
-        "query's steps and host I/O come on top. That counts can be read so is unproven.",
+    note = (
+        f"{given}; the host reads the counts of cells and makes rates of them, so a query's steps and host I/O come on "
+        "top. That counts can be read so is unproven."
     )
+    if "exc" in costs.layers:
+        note = (
+            f"{given} before a query; after it the host reads the counts of exc, and computes nothing between the two."
+        )
+    notes = (note,)
     return Table(
         ("front end, an image", "low", "nominal", "high"),
         rows,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -11,6 +12,7 @@ from lava_vpr.cli.common import RegisteredName, setting_type, stderr
 from lava_vpr.config import INPUT_MODES, LifNetwork
 from lava_vpr.deploy.boards.board import BOARDS, Board
 from lava_vpr.deploy.hardware.belief import HardwareBelief
+from lava_vpr.errors import ConfigError
 from lava_vpr.show.table import Table
 
 if TYPE_CHECKING:
@@ -57,9 +59,31 @@ def placed(plan: Plan, notes: Iterable[str], beliefs: Sequence[HardwareBelief]) 
 
     for note in notes:
         stderr.print(f"note: {note}")
+    return [core_table(plan), "\n".join(summary(plan)), rests_on(beliefs)]
+
+
+def rests_on(beliefs: Collection[HardwareBelief]) -> str:
+    """A sentence about the unproven rows of docs/hardware.md that a bundle rests on."""
     own = [row.name for row in beliefs if all(":" in each for each in row.rests)]
-    rests = (
+    return (
         f"Rests on {len(beliefs)} beliefs that no public source shows (docs/hardware.md): {len(beliefs) - len(own)} of "
         f"every bundle for this board{''.join(f'; {name}' for name in own)}."
     )
-    return [core_table(plan), "\n".join(summary(plan)), rests]
+
+
+def check_as_learned(path: Path, given: Mapping[str, Any]) -> None:
+    """Refuse options for a network that hears the cells of the front end, which is placed as it was learned.
+
+    Args:
+        path: The model.
+        given: Values by option, or by the name of a change.
+    Raises:
+        ConfigError: one is given.
+    """
+    name = next((name for name, value in given.items() if value not in (None, False)), None)
+    if name is not None:
+        option = name if name.startswith("--") else f"--{name.replace('_', '-')}"
+        raise ConfigError(
+            f"{path}: {option} is for inputs that have rates, but these neurons hear the cells of the front end "
+            f"themselves; leave out {option}, or train with --input frontend"
+        )

@@ -26,7 +26,7 @@ TABLE = "front_end/host/cells.npy"
 
 def model(spec: FrontEnd | None = SPEC) -> Any:
     """What is looked at of a model: the front end of its settings."""
-    return SimpleNamespace(config=SimpleNamespace(encoder=SimpleNamespace(front_end=spec)))
+    return SimpleNamespace(config=SimpleNamespace(encoder=SimpleNamespace(front_end=spec, direct=None)))
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,148 @@
+"""From pixels to places by command: neurons that hear the cells of the front end themselves."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.common.commands import PLACES, fails, run
+
+from lava_vpr.deploy.bundle import folder as bundle_folder
+from lava_vpr.deploy.bundle.folder import array_bytes
+from lava_vpr.deploy.bundle.targets import open_bundle
+from lava_vpr.encoding import Keep, encode_traverse
+from lava_vpr.engine.inference.whole import WholeNetwork, counts_of
+from lava_vpr.errors import LavaVprError
+from lava_vpr.localizer import Localizer
+from lava_vpr.model import integer_model, load
+from lava_vpr.traverse import open_traverse
+
+LEARN = ("train", "reference", "--input", "frontend-direct", "--learning", "template")
+ELSEWHERE = "these neurons hear the cells of the front end themselves"
+
+
+@pytest.fixture
+def direct(here: Path) -> Path:
+    """A model of the small route."""
+    run(*LEARN, "-o", "d.lvpr")
+    return here / "d.lvpr"
+
+
+def answers(*words: object) -> list[dict[str, str]]:
+    """The rows that ``query`` writes."""
+    return list(csv.DictReader(io.StringIO(run("query", "d.lvpr", "query", *words).stdout)))
+
+
+def test_every_place_is_recognised_and_the_file_keeps_it(direct: Path) -> None:
+    run("eval", "d.lvpr", "query", "--json", "e.json")
+    decoders = json.loads(Path("e.json").read_text())["decoders"]
+    assert decoders["contrast"]["recall_at_1"] == 1
+    model = integer_model(load(direct), "the test")
+    spec = model.config.encoder.direct
+    assert spec is not None
+    assert (model.network.interval, model.network.direct) == (spec.steps, spec.offset_step) == (53, 32)
+    queries = encode_traverse(open_traverse("query"), model.config.encoder, Keep.GREY)
+    counts = counts_of(WholeNetwork.of(spec, model.network), queries.kept(Keep.GREY, "the test"))
+    assert counts.argmax(axis=1).tolist() == list(range(PLACES))
+    robot = Localizer(model)
+    assert [robot.update(image).place for image in open_traverse("query").images()] == list(range(PLACES))
+
+
+def test_extended_and_merged_are_what_is_trained_together(direct: Path) -> None:
+    run(*LEARN, "-o", "a.lvpr", "--places", "0:4")
+    run(*LEARN, "-o", "b.lvpr", "--places", "4:8")
+    run("extend", "a.lvpr", "reference", "--places", "4:8", "-o", "extended.lvpr")
+    run("merge", "a.lvpr", "b.lvpr", "-o", "merged.lvpr")
+    assert Path("extended.lvpr").read_bytes() == Path("merged.lvpr").read_bytes()
+
+
+def test_a_bundle_counts_as_the_host_from_its_files_alone(direct: Path) -> None:
+    run("deploy", "d.lvpr", "--target", "kapoho-bay", "-o", "b", "--json", "d.json")
+    said = json.loads(Path("d.json").read_text())
+    run("fit", "d.lvpr", "--target", "kapoho-bay", "--json", "f.json")
+    fitted = json.loads(Path("f.json").read_text())
+    assert fitted["fits"] is True
+    assert fitted["front_end"]["cores"] == said["cores"]
+    assert list(fitted["front_end"]["populations"])[-3:] == ["exc", "inh", "counters"]
+    shown = run("verify", "b", "query", "--limit", "3", "--backend", "bundle", "--json", "v.json").stdout
+    assert "every spike equal" in shown
+    compared = json.loads(Path("v.json").read_text())["backends"]["bundle"]["spikes_by_population"]
+    assert list(compared) == ["clock", "pixels", "filters", "pairs", "onsets", "cells", "pools", "exc", "inh"]
+    assert min(compared.values()) > 0
+    assert answers("--places", "0:3", "--backend", "bundle") == answers("--places", "0:3")
+
+
+def test_bench_counts_pixels_to_places(direct: Path) -> None:
+    run("bench", "d.lvpr", "query", "--backend", "host", "--json", "b.json", "--limit", "3")
+    values = json.loads(Path("b.json").read_text())
+    costs = values["front_end"]["kapoho-bay"]
+    assert list(costs["registers"]) == ["pixels", "clearing of states", "counts of exc"]
+    assert costs["registers"]["counts of exc"] == PLACES
+    assert costs["layers"]["exc"]["spikes"] > 0
+    assert costs["layers"]["counters"]["spikes"] == 0
+    board = values["energy"]["kapoho-bay"]
+    summed = sum(one["nominal"] for part in ("dynamic", "between") for one in costs[f"{part}_microjoules"].values())
+    assert board["dynamic_microjoules"]["nominal"] == pytest.approx(summed)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("eval", "d.lvpr", "query", "--adapt", "5"), f"--adapt needs rates of inputs, but {ELSEWHERE}; train with"),
+        (("eval", "d.lvpr", "query", "--learn", "--motion", "any"), f"--learn needs rates of inputs, but {ELSEWHERE}"),
+        (
+            ("eval", "d.lvpr", "query", "--backend", "lava-fused"),
+            f"lava-fused takes inputs that have rates, but {ELSEWHERE}",
+        ),
+        (("export", "d.lvpr", "-o", "d.nir"), f"d.lvpr: format nir takes inputs that have rates, but {ELSEWHERE}"),
+        (
+            ("deploy", "d.lvpr", "--target", "kapoho-bay", "-o", "b", "--weight-bits", "2"),
+            f"d.lvpr: --weight-bits is for inputs that have rates, but {ELSEWHERE}; leave out --weight-bits",
+        ),
+        (
+            ("fit", "d.lvpr", "--target", "kapoho-bay", "--picture", "p.svg"),
+            f"d.lvpr: --picture is for inputs that have rates, but {ELSEWHERE}",
+        ),
+        (("bench", "d.lvpr", "query", "--sweep"), f"d.lvpr: --sweep: {ELSEWHERE}"),
+        (
+            (*LEARN[:4], "-o", "x.lvpr", "--learning", "slayer"),
+            "encoder.kind 'frontend-direct' takes the network lif with signed weights",
+        ),
+        (
+            (*LEARN, "-o", "x.lvpr", "--config", "bias.toml"),
+            "encoder.kind 'frontend-direct' takes the network lif with signed weights, its trains regular and injected",
+        ),
+    ],
+)
+def test_what_needs_rates_of_inputs_is_refused_in_one_line(direct: Path, words: tuple[str, ...], said: str) -> None:
+    Path("bias.toml").write_text('[network]\ninput_mode = "bias"\n')
+    assert fails(*words).startswith(said)
+
+
+def test_a_bundle_of_another_network_is_refused(direct: Path) -> None:
+    run("deploy", "d.lvpr", "--target", "kapoho-bay", "-o", "b")
+    whole = bundle_folder.load(Path("b"))
+    weights = np.load("b/host/weights.npy")
+    weights[0, 0] ^= 1
+    core = next(name for name in whole.files if name.startswith("front_end/cores/") and name.endswith("synapses.npy"))
+    words = np.load(f"b/{core}")
+    words[-1] ^= np.uint64(1 << 40)
+    told = {key: value for key, value in whole.manifest.items() if key not in ("format", "version", "files", "sha256")}
+    for changed, change, said in (
+        ({"host/weights.npy": array_bytes(weights)}, {}, "front_end/cores"),
+        ({core: array_bytes(words)}, {}, core),
+        ({"host/counts.npy": array_bytes(np.load("b/host/counts.npy") + 1)}, {}, "host/counts.npy"),
+        ({"host/weights.npy": array_bytes(1000 * weights)}, {}, "host/weights.npy: is no network of ours"),
+        ({}, {"direct": 31}, "no valid bias in step 31 where the settings say 32"),
+        ({}, {"direct": 0}, "has direct 0, of 1..50"),
+        ({}, {"steps": 60}, "no valid presentations of steps 62 where the settings say 53"),
+    ):
+        manifest = {**told, "network": {**told["network"], **change}}
+        bundle_folder.write(Path("changed"), manifest, {**whole.files, **changed})
+        with pytest.raises(LavaVprError) as caught:
+            open_bundle(Path("changed"))
+        assert said in str(caught.value), str(caught.value)
