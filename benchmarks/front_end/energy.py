@@ -4,8 +4,9 @@
 
 Frames of Nordland, and windows of events of LENS's example: a map of 100 places each, seed 0, one view. The board runs
 both networks, one after the other; the host reads an image, makes grey levels or counts of events of it, draws spikes
-of the counts that it has read back, and decodes. As in `benchmarks.energy.whole`, its work is timed, times an assumed
-power, and what the board does is modelled.
+of the counts that it has read back, and decodes. Where neurons hear the cells themselves, all is one run, and the host
+decodes alone. As in `benchmarks.energy.whole`, its work is timed, times an assumed power, and what the board does is
+modelled.
 """
 
 from __future__ import annotations
@@ -25,13 +26,14 @@ from lava_vpr.backends.interface import HostBackend
 from lava_vpr.bench.measure.matchers import alone, beside_board
 from lava_vpr.bench.measure.timing import each_image, measure_encoding
 from lava_vpr.bench.query_set import QuerySet
-from lava_vpr.bench.results import AnsweringWay, on_board
+from lava_vpr.bench.results import AnsweringWay, from_pixels, on_board
 from lava_vpr.bench.show.tables import energy
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.constants import Estimate, total
 from lava_vpr.deploy.bundle.deployment import plan_of
+from lava_vpr.deploy.bundle.front_end import front_end_of
 from lava_vpr.deploy.cost.costs import modelled
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.deploy.cost.front_end import front_end_costs
@@ -99,14 +101,41 @@ def ways(
     }
 
 
+def in_one_run(
+    title: str, config: Config, references: Traverse, queries: Traverse, right: NDArray[np.bool_], rounds: int
+) -> dict[str, AnsweringWay]:
+    """The way from pixels to places in one run, and the same without a board, by what they are called."""
+    asked_of, own, _ = asked(config, references, queries, right)
+    spec = front_end_of(asked_of.model)
+    if spec is None:
+        raise InputError(f"{title}: has no front end")
+    timed: dict[str, Callable[[], float]] = {
+        "seen": lambda: float(np.median(each_image(queries, spec.seen))),
+        "spiking": lambda: float(np.median(measure_encoding(queries, config).milliseconds)),
+        "part": partial(beside_board, asked_of),
+        "host": partial(alone, asked_of, "lava-vpr"),
+    }
+    ms = {name: min(values) for name, values in turns(timed, rounds).items()}
+    grey = asked_of.images.kept(Keep.GREY, title)[SEEN]
+    costs = front_end_costs(spec, placed(spec, KAPOHO_BAY), grey)
+    board = from_pixels("", costs, own.recall_at_1, ms["part"], ms["seen"])
+    if board is None:
+        raise InputError(f"{KAPOHO_BAY.title}: has no energies")
+    alone_way = AnsweringWay("", own.recall_at_1, ms["host"], ms["spiking"])
+    title = f"{title}, {spec.steps} steps in one run"
+    return {f"{title}, Kapoho Bay": board, f"{title}, no board": alone_way}
+
+
 @program("nordland", "lens_example")
 @click.option("--rounds", default=5, show_default=True)
 def main(rounds: int) -> Printed:
     """What a query costs in all with a spiking front end on the board, for frames and for events."""
     frames = update(preset("loihi"), {"encoder": {"kind": "frontend"}})
-    nordland = (open_traverse(images_of("nordland", name), places=(0, 100)) for name in FOLDERS["nordland"])
+    nordland = [open_traverse(images_of("nordland", name), places=(0, 100)) for name in FOLDERS["nordland"]]
     lens = (drive(which, ALL, WAYS["front end, one view"]) for which in FOLDERS["lens_example"])
     found = ways("`frontend`", frames, *nordland, near(100), rounds)
+    direct = update(preset("loihi"), {"encoder": {"kind": "frontend-direct"}})
+    found |= in_one_run("`frontend-direct`", direct, *nordland, near(100), rounds)
     found |= ways("`frontend-events`", WAYS["front end, one view"].config, *lens, truth(ALL), rounds)
     table = energy([*found.values()], [*found])
     columns, *rows = zip(table.columns, *table.rows, strict=True)

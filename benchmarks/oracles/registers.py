@@ -12,7 +12,7 @@ hold 128 a spike. What a board's program does to clear, inject, write and read o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
@@ -32,7 +32,7 @@ from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Board
 from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.bundle.deployment import deploy
-from lava_vpr.deploy.bundle.front_end import FRONT_END
+from lava_vpr.deploy.bundle.front_end import FRONT_END, whole_of
 from lava_vpr.deploy.bundle.targets import TARGETS, open_whole
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.encoding import draw_trains
@@ -177,6 +177,26 @@ def real_cases(folder: Path, presentations: int) -> Iterator[RegisterCase]:
             yield RegisterCase(f"{name}, the front end", bundle / FRONT_END, spec.trains(grey), mantissas=written)
 
 
+def pixels_to_places(folder: Path, presentations: int) -> Iterator[RegisterCase]:
+    """A model whose neurons hear the cells themselves, as `deploy` writes it, and winter queries.
+
+    Raises:
+        InputError: LAVA_VPR_DATA does not name the images.
+    """
+    config = update(preset("loihi"), {"encoder": {"kind": "frontend-direct"}})
+    model, bundle = integer_model(learn((0, 100), config), KAPOHO_BAY.title), folder / "direct"
+    deploy(model, KAPOHO_BAY, bundle, picture=False)
+    chosen = np.linspace(0, 99, presentations).astype(np.int64)
+    grey = encoded("winter", config.encoder).take(chosen).kept(Keep.GREY, "comparing the front end")
+    spec = whole_of(model)
+    clock = np.zeros((len(grey), spec.ticks), np.int32)
+    clock[:, 0] = 1
+    written = {"pixels": grey.reshape(len(grey), -1).astype(np.int32), "clock": clock}
+    yield RegisterCase(
+        "100 places, pixels to places in one run", bundle / FRONT_END, spec.trains(grey), mantissas=written
+    )
+
+
 def bundle_case(path: Path, presentations: int) -> RegisterCase:
     """A bundle and its first references.
 
@@ -235,7 +255,9 @@ def main(bundles: Sequence[Path], presentations: int, real: bool) -> Printed:
     with temporary_folder() as folder:
         cases = [bundle_case(path, presentations) for path in bundles]
         made = () if bundles else made_up_cases(folder, presentations)
-        learned = real_cases(folder, presentations) if real and not bundles else ()
+        learned: Iterable[RegisterCase] = ()
+        if real and not bundles:
+            learned = chain(real_cases(folder, presentations), pixels_to_places(folder, presentations))
         for case in chain(cases, made, learned):
             result = compared(case)
             if result.spikes == 0 or result.differ or result.counters_differ:

@@ -50,8 +50,12 @@ class FrontEndNetwork(CheckedProcess):
         need(fits, "FrontEndNetwork: images", f"{grey.dtype} {grey.shape}", f"uint8 (n, {shape[0]}, {shape[1]})")
         super().__init__(spec=spec, grey=grey, **kwargs)
         self.spec, self.grey = spec, grey
-        for name, size in spec.populations.items():
-            setattr(self, name, OutPort((size,)))
+        sizes = {name: (size,) for name, size in spec.populations.items()}
+        self.clock, self.pixels = OutPort(sizes["clock"]), OutPort(sizes["pixels"])
+        self.filters, self.pairs = OutPort(sizes["filters"]), OutPort(sizes["pairs"])
+        self.onsets, self.cells, self.pools = (OutPort(sizes[name]) for name in ("onsets", "cells", "pools"))
+        if "exc" in sizes:
+            self.exc, self.inh = OutPort(sizes["exc"]), OutPort(sizes["inh"])
         self.shown = Var(shape=_events(spec, grey).shape if spec.window else (spec.populations["pixels"],))
 
     def write(self, grey: NDArray[np.uint8], floating: bool = False) -> None:
