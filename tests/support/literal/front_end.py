@@ -1,6 +1,6 @@
 """The spiking front end in the general simulator: every neuron in every step.
 
-Used by deploy, inputs and report.
+Used by deploy, engine, inputs and report.
 """
 
 from __future__ import annotations
