@@ -380,12 +380,12 @@ def encode_in_views(
 
 
 def print_whole(table: Table | str) -> None:
-    """Print a line, or a table at its own width: on a narrow terminal lines wrap, but no figure is cut."""
+    """Print a line, or a table, in parts where the terminal is narrower: lines may wrap, but no figure is cut."""
     if isinstance(table, str):
         return console.print(table)
-    made = table.terminal()
-    width = Measurement.get(console, console.options.update(width=200), made).maximum
-    PlainConsole(width=max(console.width, width)).print(made, crop=False)
+    for made in table.parts(console.width):
+        width = Measurement.get(console, console.options.update(width=200), made).maximum
+        PlainConsole(width=max(console.width, width)).print(made, crop=False)
 
 
 def print_reasons(reasons: Mapping[str, str | None]) -> None:

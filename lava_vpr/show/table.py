@@ -39,6 +39,8 @@ class Table:
         widest: Characters of a long column before it wraps; None: as many as the terminal has.
         strong: Rows that matter most, by index.
         rules: Rows with a line above them, by index.
+        aside: Rows that only a terminal leaves out, by index: details.
+        aside_columns: Columns that only a terminal leaves out, by index.
     """
 
     columns: Sequence[str]
@@ -50,30 +52,62 @@ class Table:
     widest: int | None = 60
     strong: frozenset[int] = frozenset()
     rules: frozenset[int] = frozenset()
+    aside: frozenset[int] = frozenset()
+    aside_columns: frozenset[int] = frozenset()
 
     def is_text(self, column: int) -> bool:
         """Whether a column, by its index, holds words rather than figures."""
         return column < self.words or column in self.long
 
-    def terminal(self) -> RichTable:
-        """The table as rich prints it."""
+    def terminal(self, columns: Iterable[int] | None = None, *, first: bool = True, last: bool = True) -> RichTable:
+        """The table as rich prints it, without what is ``aside``.
+
+        Args:
+            columns: Columns of this part (`parts`), by index; None: all that a terminal shows.
+            first: Whether the part has the title.
+            last: Whether it has the notes.
+        """
         from rich.table import Table as RichTable  # 60 ms: only the terminal needs it
 
-        caption = "\n".join(self.notes)
-        made = RichTable(title=self.title or None, title_justify="left", caption=caption, caption_justify="left")
-        for k, name in enumerate(self.columns):
+        shown = [k for k in range(len(self.columns)) if k not in self.aside_columns] if columns is None else [*columns]
+        title, notes = self.title if first else None, "\n".join(self.notes) if last else None
+        made = RichTable(title=title or None, title_justify="left", caption=notes, caption_justify="left")
+        for k in shown:
             made.add_column(
-                name,
+                self.columns[k],
                 justify="left" if self.is_text(k) else "right",
                 no_wrap=k not in self.long,
                 max_width=self.widest if k in self.long else None,
                 overflow="fold",
             )
-        for k, row in enumerate(self.rows):
+        for k, row in enumerate(self._filled()):
             if k in self.rules:
                 made.add_section()
-            made.add_row(*row, style="bold" if k in self.strong else None)
+            if k not in self.aside:
+                made.add_row(*(row[c] for c in shown), style="bold" if k in self.strong else None)
         return made
+
+    def parts(self, width: int) -> list[RichTable]:
+        """The table as rich prints it at ``width`` characters: where it is wider, in parts below each other, each with
+        the columns of words."""
+        from rich.cells import cell_len  # see `terminal`
+
+        rows = [row for k, row in enumerate(self._filled()) if k not in self.aside]
+        shown = [k for k in range(len(self.columns)) if k not in self.aside_columns]
+        lines = {k: [line for row in (self.columns, *rows) for line in row[k].split("\n")] for k in shown}
+        wide = {k: 3 + max(map(cell_len, lines[k])) for k in shown}
+        wide |= {k: min(wide[k], 3 + self.widest) for k in self.long & wide.keys() if self.widest is not None}
+        words = [k for k in shown if k < max(1, self.words)]
+        room = width - 1 - sum(wide[k] for k in words)
+        groups: list[list[int]] = [[]]
+        for k in shown[len(words) :]:
+            if groups[-1] and sum(wide[c] for c in (*groups[-1], k)) > room:
+                groups.append([])
+            groups[-1].append(k)
+        return [
+            self.terminal([*words, *group], first=number == 0, last=number == len(groups) - 1)
+            for number, group in enumerate(groups)
+        ]
 
     def markdown(self) -> str:
         """The table in Markdown, without title and notes."""

@@ -50,6 +50,35 @@ def test_long_text_wraps_and_nothing_is_cut() -> None:
     assert max(line.count("x") for line in lines) == Table.widest
 
 
+def test_details_are_left_out_on_the_terminal_alone() -> None:
+    table = Table(
+        ("a", "b", "c"), [("1", "2", "3"), ("4", "5", "6")], aside=frozenset({0}), aside_columns=frozenset({1})
+    )
+    cells = [re.findall(r"\w", line) for line in printed(table) if line[0] in "│┃"]
+    assert cells == [["a", "c"], ["4", "6"]]
+    assert table.csv() == "a,b,c\n1,2,3\n4,5,6\n"
+
+
+def test_a_table_wider_than_the_terminal_comes_in_parts_with_its_words_in_each() -> None:
+    rows = [("row", "1" * 20, "2" * 20, "3" * 20), ("other", "4" * 20, "5" * 20, "6" * 20)]
+    table = Table(("name", "x", "y", "z"), rows, ("note",), "title", rules=frozenset({1}))
+    console = Console(width=60, record=True)
+    with console.capture() as captured:
+        for part in table.parts(60):
+            console.print(part)
+    lines = captured.get().splitlines()
+    cells = [re.split("[│┃]", line)[1:-1] for line in lines if line[0] in "│┃"]
+    assert [[cell.strip()[:5] for cell in row] for row in cells] == [
+        *(["name", "x", "y"], ["row", "1" * 5, "2" * 5], ["other", "4" * 5, "5" * 5]),
+        *(["name", "z"], ["row", "3" * 5], ["other", "6" * 5]),
+    ]
+    assert max(map(len, lines)) <= 60
+    assert (lines[0].strip(), lines[-1].strip()) == ("title", "note")
+    assert captured.get().count("title") == captured.get().count("note") == 1
+    assert len(table.parts(200)) == 1
+    assert len(table.parts(1)) == 3  # a column of figures each
+
+
 def test_markdown() -> None:
     assert TABLE.markdown().splitlines() == [
         "| matcher | uJ | what |",
