@@ -12,6 +12,7 @@ import logging
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -292,6 +293,15 @@ def located(
         return replace(traverse, stamps=times)
     found, times = images_on(read_track(positions), PositionRequest(traverse.indices, whole, times), gap)
     return replace(traverse, stamps=times, positions=found)
+
+
+def unread_exif(traverse: Traverse) -> bool:
+    """Whether the first image of ``traverse`` is a photo with a position in its EXIF, and no positions are known."""
+    if traverse.positions is not None or traverse.frames is not None or not traverse.paths:
+        return False
+    with suppress(InputError):
+        return taken(Path(traverse.paths[0])).where is not None
+    return False
 
 
 def _by_photos(traverse: Traverse) -> Traverse:

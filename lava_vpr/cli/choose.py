@@ -18,7 +18,7 @@ from lava_vpr.errors import InputError, shown
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import EXIF, in_photos
 from lava_vpr.positions.track import MOST_GAP_S
-from lava_vpr.traverse import Traverse, located, open_traverse, ranges_of, readable
+from lava_vpr.traverse import Traverse, located, open_traverse, ranges_of, readable, unread_exif
 from lava_vpr.truth.alignment import (
     NEAR_M,
     Located,
@@ -301,6 +301,12 @@ class TruthOptions:
             if not by_number(model, queries.indices if among is None else among):
                 taken, places = ranges_of(queries.indices), ranges_of(model.place_indices)
                 stderr.print(f"note: images {taken} are taken, in order, as the places {places}")
+            if unread_exif(queries):
+                how = "" if model.positions is not None else "train with --positions exif and "
+                stderr.print(
+                    f"note: image i is taken to show place i, though the photos of {shown(queries.source)} say where "
+                    f"they were taken; if they are in another order, {how}give --query-positions exif"
+                )
             truth = aligned_truth(model, queries, self.tolerance, among)
         without = int(np.count_nonzero(~truth.any(axis=1)))
         if without:

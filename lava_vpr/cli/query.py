@@ -49,7 +49,7 @@ from lava_vpr.errors import InputError, shown
 from lava_vpr.matches import Unfollowed, matches_of
 from lava_vpr.matching.answers import Answers, Together, accepted, least_probability, sure
 from lava_vpr.matching.forward_filter import NONE
-from lava_vpr.matching.probability import ASSUMED, HALF, Calibration
+from lava_vpr.matching.probability import ASSUMED, HALF, UNREACHED, Calibration
 from lava_vpr.matching.sequences import Pace
 from lava_vpr.model import Model
 from lava_vpr.traverse import Traverse, open_traverse, readable
@@ -253,6 +253,8 @@ def _write(
             take(some, found)
             unfollowed.add(*found)
             write("".join(SHOWN[form](table, row, least) for row in table.rows(done, answers, found)))
+    if math.isinf(least) and form != "sentence":  # which says so itself
+        stderr.print(f"note: {UNREACHED}")
     if unfollowed.said is not None:
         stderr.print(f"warning: {unfollowed.said}")
     return accepted

@@ -40,7 +40,7 @@ from lava_vpr.training.measuring import calibrated
 from lava_vpr.training.preparing import check_asked, check_references, choose_places, fitted, settings_for
 from lava_vpr.training.stretches import UNSEEN, Monitor, learning_bar
 from lava_vpr.training.trainers import rule_settings
-from lava_vpr.traverse import Traverse, open_traverses, readable
+from lava_vpr.traverse import Traverse, open_traverses, readable, unread_exif
 
 _NOTES = logging.getLogger("lava_vpr")
 SETTINGS = {
@@ -322,6 +322,11 @@ class Training:
         config = settings_for(self.start, ranges)
         ranges = located_each(ranges, [len(traverse) for traverse in whole], self.positions, self.stamps, self.gap)
         first, spacing = ranges[0], self.selection.spacing(self.spacing, ranges)
+        if unread_exif(first):
+            monitor.line(
+                f"note: the photos of {shown(first.source)} say where they were taken, which is not used; with "
+                "--positions exif the map knows where its places are, and queries may come in any order"
+            )
         if self.keyframes is None:
             chosen = choose_places(ranges, config.encoder, spacing=spacing)
         else:

@@ -32,6 +32,11 @@ ASSUMED = (
     "these differ, more of the accepted may be wrong."
 )
 """What the calibration knows nothing of, and takes for granted."""
+UNREACHED = (
+    "No probability is high enough for the precision that is aimed at. If all images were taken along the route, say "
+    "so with --off-map 0; otherwise give query a lower --target-precision."
+)
+"""Why a calibration accepts no match at all, and the remedies."""
 HALF = 0.5
 """The share of the queries that is taken to be off the map, unless another is said."""
 _ROUNDS, _RIDGE, _LEAST = 50, 1e-3, 1e-12

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.matching.probability import ASSUMED
+from lava_vpr.matching.probability import ASSUMED, UNREACHED
 from lava_vpr.report import layers, season
 from lava_vpr.report.data import MapData
 from lava_vpr.report.layers import Layers
@@ -100,7 +100,7 @@ def _header(data: AnswersData) -> str:
         but = f", but for {counted(data.refused, 'doubtful image')}" if data.refused else ""
         said = f"Matches of a probability of {100 * data.least:.1f} % or more are accepted{but}. {ASSUMED}"
     elif math.isinf(data.least):
-        said = "No probability is high enough for the precision that was asked for."
+        said = UNREACHED
     elif not data.probable:
         said = "The probability of these matches is not known."
     facts = "".join(f"<div><dt>{safe(k)}</dt><dd>{safe(v)}</dd></div>" for k, v in data.summary.items())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from lava_vpr.matching.evaluation import Metrics
+from lava_vpr.matching.probability import UNREACHED
 from lava_vpr.matching.trust import Threshold, Trust
 from lava_vpr.show.numbers import fraction, is_number
 from lava_vpr.show.svg import THEME, canvas, gridded, themed, to_svg
@@ -73,7 +74,7 @@ def section(trust: Mapping[str, Trust], followed: Mapping[str, Metrics]) -> str:
     one = next(iter(trust.values()))
     return render(
         "report_trust.html",
-        off_map=f"{100 * one.off_map:.1f}",
+        off_map=f"{100 * one.off_map:.1f} % are" if one.off_map else "none is",
         taken=one.taken,
         errors=safe(errors),
         followed=safe(_followed(followed)),
@@ -81,4 +82,5 @@ def section(trust: Mapping[str, Trust], followed: Mapping[str, Metrics]) -> str:
         legend=legend,
         heads="".join(f'<th scope="col">{head}</th>' for head in _HEADS),
         rows=rows,
+        unreached="" if any(is_number(row.probability) for row in one.thresholds) else f" {UNREACHED}",
     )

@@ -80,7 +80,8 @@ def choose_queries(model: Model, whole: Traverse, places: tuple[int, int] | None
         queries = "1 query" if len(whole) == 1 else f"{len(whole)} queries"
         raise InputError(
             f"{shown(whole.source)}: has {queries}, the references {model.route_images}: nothing says which "
-            "place a query shows; give --gt FILE, --positions, or --places A:B"
+            "place a query shows; give --gt FILE, or --places A:B, or positions: train with --positions FILE|exif, "
+            "then --query-positions FILE|exif"
         )
     return whole.between(int(model.place_indices.min()), int(model.place_indices.max()) + 1)
 

@@ -217,6 +217,27 @@ def test_times_that_cannot_be_compared_are_told_and_left(place: Path, tags: dict
     assert "time" not in asked("query", "n.lvpr", "album", "--query-positions", "exif")[0]
 
 
+def test_positions_of_photos_that_nothing_uses_are_told_of(place: Path) -> None:
+    """Whoever takes the order of file names for that of places is told of the way that needs no order."""
+    photos("album", sorted(Path("ref").iterdir()), ORDER)
+    assert (
+        "album say where they were taken, which is not used; with --positions" in run("train", "album", *TRAIN).stderr
+    )
+    by_order = "album say where they were taken; if they are in another order, train with --positions exif and give"
+    assert by_order in run("eval", "n.lvpr", "album").stderr
+    assert "say where" not in run("train", "album", *TRAIN, "--positions", "exif").stderr
+    assert "another order, give --query-positions exif" in run("eval", "n.lvpr", "album").stderr
+    assert "say where" not in run("eval", "n.lvpr", "album", "--query-positions", "exif").stderr
+    assert "say where" not in run("eval", "m.lvpr", "query").stderr
+
+
+def test_no_match_that_can_be_accepted_is_explained(place: Path) -> None:
+    said = run("query", "m.lvpr", "query", "-o", "q.csv", "--target-precision", 0.9999)
+    assert said.stdout == "6 images, 0 accepted: q.csv\n"
+    assert "No probability is high enough" in said.stderr
+    assert "--off-map 0" in said.stderr
+
+
 @pytest.mark.slow
 def test_a_folder_of_a_phone_becomes_a_report_in_two_commands(
     data_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

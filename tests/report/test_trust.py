@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.matching.answers import Answers, Together
 from lava_vpr.matching.evaluation import evaluate
-from lava_vpr.matching.probability import OFF_MAP, RIGHT, Calibration
+from lava_vpr.matching.probability import OFF_MAP, RIGHT, UNREACHED, Calibration
 from lava_vpr.matching.trust import Trust, trust
 from lava_vpr.report.trust import reliability, section
 
@@ -45,8 +46,16 @@ def test_every_threshold_is_a_row(found: dict[str, Trust]) -> None:
         for figure, cell in zip(row[2:], told[2:], strict=True):
             assert cell == ("–" if np.isnan(figure) else f"{figure:.3f}")
     assert "here 25.0 % are" in text
+    assert UNREACHED not in text
     for one in found.values():
         assert f"{100 * one.error:.1f} %" in text
+
+
+def test_where_no_probability_is_high_enough_the_page_names_the_remedies(found: dict[str, Trust]) -> None:
+    rows = tuple(row._replace(probability=np.inf) for row in found["single"].thresholds)
+    text = section(found | {"single": replace(found["single"], thresholds=rows, off_map=0.0)}, {})
+    assert UNREACHED in text
+    assert "here none is." in text
 
 
 def test_every_bin_is_a_dot(found: dict[str, Trust]) -> None:

@@ -195,8 +195,11 @@ def sentences(table: MatchTable, row: Row, least: float) -> str:
     elif not good and row.get("unlike") is not None:
         sure += ", but it is unlike all that the map has seen"
     elif not good:
-        why = f"below the threshold of {least:.0%}" if least <= 1 else "and no probability is high enough"
-        sure += f", {why} (--target-precision)"
+        sure += (
+            f", below the threshold of {least:.0%} (--target-precision)"
+            if least <= 1
+            else ", and no probability is high enough (--target-precision, --off-map)"
+        )
     shows = "shows" if good else "may show"
     verdict = "accepted" if good else "not accepted"
     text = f"{cells['query_name']} {shows} place {cells['place']} ({cells['place_name']}){where}: {verdict}, {sure}.\n"

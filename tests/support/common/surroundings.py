@@ -21,7 +21,8 @@ from support.common import children
 DEADLINE = 240.0  # seconds; reached only when something hangs
 SHARED = Path("/dev/shm")
 PROGRAM = (sys.executable, "-m", "lava_vpr")
-QUERY = ("query", "m.lvpr", "query", "-o")
+QUERY = ("query", "m.lvpr", "query", "--min-confidence", "0", "-o")
+"""A query that has nothing to note; the name of its CSV is behind it."""
 
 # The command line, but a signal (argv[1]) comes when the module argv[2] is first looked for.
 AT_IMPORT = """
