@@ -35,7 +35,7 @@ from lava_vpr.cli.nouns import (
 from lava_vpr.cli.outputs import command_line
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.headings import COMPARED, TOGETHER, under
-from lava_vpr.cli.show.recall import recall_table, trust_tables
+from lava_vpr.cli.show.recall import in_words, recall_table, trust_tables
 from lava_vpr.datasets.selecting import Benchmark, Selection
 from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.matching.evaluation import leaps
@@ -179,7 +179,10 @@ def _motion(ctx: click.Context, compared: Comparison, route: Selection, correct:
     drive = (route.opened is None or route.opened.dataset.route) and not leaps(correct, FASTEST)
     if chosen or drive or compared.sequence > 1:
         return compared.motion
-    stderr.print("note: the queries are no drive through the map, so none is filtered; --motion any filters them")
+    stderr.print(
+        "note: the queries do not follow the order of the map, so each is answered alone; --motion any filters them as "
+        "a drive"
+    )
     return NONE
 
 
@@ -188,6 +191,7 @@ def _said(
 ) -> Iterator[Table | str]:
     """The tables, and what they do not say."""
     result, *again = found
+    yield in_words(result, compared.sequence, len(found))
     yield recall_table(model, result, compared.sequence, again)
     if errors is not None:
         yield errors.in_words()

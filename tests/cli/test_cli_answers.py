@@ -101,7 +101,7 @@ def test_where_all_is_on_the_map_a_match_is_likelier(here: Path) -> None:
     assert ASSUMED in run("query", "m.lvpr", "query", "--off-map", 0).stderr
     assert ASSUMED not in run("query", "m.lvpr", "query", "--off-map", 0, "--min-confidence", 1).stderr
     assert row["accepted"] >= figures("query")["probability"]["single"]["thresholds"][0]["accepted"]
-    assert "the calibration takes 0 % for that (--off-map)" in " ".join(
+    assert "probabilities assume 0 % (--off-map)" in " ".join(
         run("eval", "m.lvpr", "query", "--off-map", 0).stdout.split()
     )
 
@@ -117,7 +117,7 @@ def test_equal_inputs_write_equal_bytes_wherever_they_are(here: Path) -> None:
         table = run("eval", folder / "m.lvpr", folder / "query", *names).stdout
         files = [p for p in sorted(folder.rglob("*")) if p.is_file() and "query" not in p.parts]
         written.append({str(p.relative_to(folder)): p.read_bytes() for p in files})
-        assert table.startswith("8 queries, 8 places, 8 neurons\n")
+        assert re.match("Recognised the place in [0-8] of 8 queries.\n8 queries, 8 places, 8 neurons\n", table)
     assert written[0] == written[1]
     assert {"f.json", "r/report.html"} <= set(written[0])
     text = written[0]["f.json"].decode() + written[0]["r/report.html"].decode()
@@ -423,6 +423,9 @@ def test_seeds_are_asked_one_by_one_and_shown_as_mean_and_range(here: Path) -> N
         assert [found[key] for key in ("decoders", "followed")] == [one[key] for key in ("decoders", "followed")]
         assert found["baselines"]["template"] == one["baselines"]["template"]
     assert several["decoders"] == alone[0]["decoders"]
+    said = run("eval", "s.lvpr", "query", "--seed", 4, "--seeds", 3).stdout
+    assert re.match(r"Recognised the place in \d of 8 queries, with the first of 3 seeds\.\n", said)
+    assert "\nR@5, R@10, P@100R, AUC and the other decoders: --report, --table or --json\n" in said
     rows = {row["matcher"]: row for row in csv.DictReader(Path("t.csv").read_text().splitlines())}
     areas = [100 * one["decoders"]["weighted"]["auc"] for one in alone]
     assert max(areas) > min(areas)

@@ -7,21 +7,42 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from lava_vpr.backends.rivals import BASELINES
+from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import TITLES, Metrics, values_of
+from lava_vpr.matching.probability import UNREACHED
 from lava_vpr.model import Model
 from lava_vpr.recognition import SINGLE, Recognition
 from lava_vpr.show.numbers import percent
 from lava_vpr.show.table import Table
 
 
-def recall_table(model: Model, result: Recognition, sequence: int = 1, again: Sequence[Recognition] = ()) -> Table:
+def in_words(result: Recognition, sequence: int = 1, seeds: int = 1) -> str:
+    """How many queries were recognised, in a sentence; of several ``seeds``, with the first."""
+    matches, what = result.matches, "queries" if sequence == 1 else f"sequences of {sequence} queries"
+    right = np.count_nonzero((matches >= 0) & result.truth[np.arange(len(matches)), matches])
+    first = f", with the first of {seeds} seeds" if seeds > 1 else ""
+    return f"Recognised the place in {right} of {len(matches)} {what}{first}."
+
+
+def recall_table(
+    model: Model,
+    result: Recognition,
+    sequence: int = 1,
+    again: Sequence[Recognition] = (),
+    details: str = "--report, --table or --json",
+) -> Table:
     """The figures of every matcher in percent, the default decoder first and marked.
 
-    With the same queries recognised ``again`` with further seeds: means, least and most, of what these have.
+    With the same queries recognised ``again`` with further seeds: means, least and most, of what these have. The last
+    note says where the ``details`` are that a terminal leaves out.
     """
     what = "queries" if sequence == 1 else f"sequences of {sequence} queries"
     title = f"{len(result.matches)} {what}, {model.places} places, {model.neurons} neurons"
-    notes = ["percent; * the decoder that answers"]
+    notes = [
+        "percent of the queries; R@N: a right place is among the N best",
+        "R@100P: the largest recall without a single wrong match",
+        "* the network, by the decoder that answers; the others see the same images:",
+    ]
     notes += [f"{name} sees {BASELINES[name]}" for name in result.metrics if name in BASELINES]
     if result.followed:
         notes.append("filtered: queries in driving order, each with those before it; forward-backward: with all")
@@ -33,7 +54,10 @@ def recall_table(model: Model, result: Recognition, sequence: int = 1, again: Se
     several += [{name: one for group in _groups(further) for name, one in group.items()} for further in again]
     rows = [(name, *_cells([one[name] for one in several if name in one])) for name in several[0]]
     rules = frozenset({len(groups[0]), len(groups[0]) + len(groups[1])})
-    return Table(("matcher", *TITLES.values()), rows, notes, title, rules=rules)
+    heads, aside = ("matcher", *TITLES.values()), frozenset(k for k, name in enumerate(several[0]) if name in DECODERS)
+    columns = frozenset({2, 3, 5, 6} if again else {5, 6})
+    notes.append(f"{', '.join(heads[k] for k in sorted(columns))} and the other decoders: {details}")
+    return Table(heads, rows, notes, title, rules=rules, aside=aside, aside_columns=columns)
 
 
 def _groups(result: Recognition) -> tuple[dict[str, Metrics], ...]:
@@ -63,13 +87,20 @@ def _taught(name: str, answers: int, wrong: int) -> str:
     return f"{'gains' if name == SINGLE else name}: {answers} answers taught, {wrong} of them wrong"
 
 
-def trust_tables(result: Recognition) -> list[Table]:
+def trust_tables(result: Recognition) -> list[Table | str]:
     """What each target precision keeps, and how far probabilities are from what they say, where they are known."""
     if not result.trust:
         return []
-    one = next(iter(result.trust.values()))
-    off = f"{percent(one.off_map)} % of the queries are off the map"
-    note = f"{off}; the calibration takes {one.taken} for that (--off-map)"
+    way, one = next(iter(result.trust.items()))
+    unreached = not any(np.isfinite(row.probability) for row in one.thresholds)
+    if unreached and len(result.trust) == 1:
+        return [UNREACHED]
+    off = f"{percent(one.off_map)} % of the queries are" if one.off_map else "no query is"
+    notes = [
+        "percent; accepted: of all queries; precision: of the accepted",
+        *(["single: each query alone"] if SINGLE in result.trust else []),
+        f"{off} off the map; probabilities assume {one.taken} (--off-map)",
+    ]
     rows = []
     for name, found in result.trust.items():
         for number, row in enumerate(found.thresholds):
@@ -78,4 +109,6 @@ def trust_tables(result: Recognition) -> list[Table]:
             first = (name, percent(found.error)) if number == 0 else ("", "")
             rows.append((first[0], percent(row.target), least, *figures, first[1]))
     columns = ("", "target", "threshold", "accepted", "precision", "kept", "false accepts", "error")
-    return [Table(columns, rows, (note,), "accepted by --target-precision")]
+    title = "accepted by --target-precision"
+    table = Table(columns, rows, notes, title, aside_columns=frozenset({2, 5, 6, 7}))
+    return [table, f"{way}: {UNREACHED}"] if unreached else [table]

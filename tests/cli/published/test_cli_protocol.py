@@ -107,7 +107,8 @@ def test_recall_is_what_eval_gives_with_that_tolerance(name: str, number: int) -
     assert figures("out/eval.json") == figures("f.json")
     decoder = json.loads(Path("f.json").read_text())["default_decoder"]
     recall = figures("f.json")[decoder]["recall_at_1"]  # type: ignore[index]
-    assert re.search(rf"│ {decoder} +│ +{100 * recall:.1f} │ .* │ +64 x 64 │ ", told)
+    assert re.search(rf"│ {decoder} +│ +{100 * recall:.1f} │", told)
+    assert re.search(rf"│ {decoder} +│.* 64 x 64 │", told)
 
 
 def sorted_images(folder: str) -> list[str]:
