@@ -77,7 +77,8 @@ def recall(bench: Bench) -> Table:
         rows=tuple(rows),
         strong=frozenset({0}),
         notes=(
-            "R@100P: the largest recall without a single wrong match. P@100R: precision when every query is answered.",
+            "R@100P: the largest recall without a single wrong match.",
+            "P@100R: precision when every query is answered.",
         ),
     )
 
@@ -158,8 +159,11 @@ def timings(rows: Sequence[Measured]) -> Table:
         if not backend.absent
     ]
     heads = (*(f"p{q} ms" for q in PERCENTILES), "queries/s", "threads", "queries", "memory", "mJ (CPU)")
-    note = "p50, p95, p99: single queries one after another, one thread. queries/s: all queries in one batch."
-    return Table(("backend", *heads), cells, (note,), "measured here, a query")
+    notes = (
+        "ms: percentiles of single queries, one after another on one thread.",
+        "queries/s: all queries in one batch.",
+    )
+    return Table(("backend", *heads), cells, notes, "measured here, a query", aside_columns=frozenset({3, 5, 6, 8}))
 
 
 def on_boards(rows: Sequence[Measured]) -> Table:
@@ -307,6 +311,7 @@ def sweep(rows: Sequence[SweepPoint], ways: Sequence[AnsweringWay] = ()) -> Tabl
         rows=lines,
         strong=frozenset(k for k, row in enumerate(lines) if not row[0].startswith("front")),
         long=frozenset({9}),
+        aside_columns=frozenset({3, 5}),
         notes=(
             "Recall in percent, on the very queries that the search chose on: judge a choice on others. Dynamic energy "
             "and time on the chip modelled for Kapoho Bay, nominal, clearing included, host I/O not; the host's part "
@@ -371,18 +376,22 @@ def energy(
     )
 
 
+def _asked_for(bench: Bench) -> list[Table]:
+    """Tables of what not every run has: other ways to ask a query, gains, a spiking front end."""
+    found = [] if bench.asked is None else [asked(bench.asked)]
+    found += [] if bench.gains is None else [gains(bench.gains, bench.images)]
+    return found + [table for costs in bench.front_end.values() for table in front_end.tables(costs)]
+
+
 def sections(bench: Bench, page: bool = True) -> dict[str, tuple[Table, ...]]:
     """All tables with rows, by section, in the terminal's order; only a page has what was timed, anchors, constants."""
     on_board = (modelled(costs, costs.figures) for costs in bench.targets.values() if costs.figures)
-    otherwise = [] if bench.asked is None else [asked(bench.asked)]
-    otherwise += [] if bench.gains is None else [gains(bench.gains, bench.images)]
-    otherwise += [table for costs in bench.front_end.values() for table in front_end.tables(costs)]
     tables_of: dict[str, tuple[Table, ...]] = {
         "recall": (recall(bench),),
         "probability": (thresholds(bench),),
         "energy": (energy(bench.energy, pixels=bench.pixels),),
         "measured": (timings(bench.measured), on_boards(bench.measured)),
-        "modelled": (*on_board, counted(bench), *otherwise),
+        "modelled": (*on_board, counted(bench), *_asked_for(bench)),
         "workload": () if bench.workload is None else (workload(bench.workload),),
         "peers": (peers(bench.peers),),
         "sweep": (sweep(bench.sweep, bench.energy),),
@@ -393,7 +402,43 @@ def sections(bench: Bench, page: bool = True) -> dict[str, tuple[Table, ...]]:
     return {name: tuple(table for table in chosen if table.rows) for name, chosen in tables_of.items()}
 
 
+def energy_in_brief(ways: Sequence[AnsweringWay]) -> Table:
+    """All the energy of a query by each way to answer it, a row a way, without its parts."""
+    rows = []
+    for way in ways:
+        board = "" if way.dynamic is None else ", partly modelled"
+        rows.append((_heading(way.name) + board, percent(way.recall), ranged(way.whole)))
+    notes = (
+        f"Nominal (low to high). Processor: time measured here, at an assumed {_WATTS}.",
+        "Board: modelled, not measured.",
+    )
+    return Table(("a whole query", "R@1, percent", "energy, uJ"), rows, notes, "energy of a query, all of it")
+
+
+def modelled_in_brief(costs: Modelled, figures: BoardFigures) -> Table:
+    """The costs of a query on a board, without their parts."""
+    rows = (
+        _levels("dynamic energy, uJ", figures.dynamic_microjoules),
+        _levels("time on the chip, ms", figures.milliseconds),
+        _levels("  one step, us", figures.step_microseconds),
+        _levels("time with host I/O, ms", figures.wall_milliseconds),
+        _levels("static energy of that time, mJ", figures.wall_static_millijoules),
+    )
+    heads = ("modelled, not measured", "low", "nominal", "high")
+    return Table(
+        heads, rows, (_in_use(costs),), f"modelled for {title_of(costs.target)}: a query of {costs.steps} steps"
+    )
+
+
 def on_terminal(bench: Bench) -> list[Table | str]:
-    """Tables in order: recall first, then what was measured, then what is modelled; and lines for what is lacking."""
-    shown = [table for section in sections(bench, page=False).values() for table in section]
-    return [*shown, *(f"absent: {row['what']}: {row['reason']}" for row in absent(bench))]
+    """Tables in order: recall first, the energy of a query, what was measured, what is modelled, what an option asked
+    for; then lines for what is lacking, and where the details are."""
+    every = sections(bench, page=False)
+    brief = [modelled_in_brief(costs, costs.figures) for costs in bench.targets.values() if costs.figures]
+    shown = [*every["recall"], energy_in_brief(bench.energy), *every["measured"], *brief, *_asked_for(bench)]
+    shown += [*every["peers"], *every["sweep"]]
+    return [
+        *(table for table in shown if table.rows),
+        *(f"absent: {row['what']}: {row['reason']}" for row in absent(bench)),
+        "parts of energy and time, counted events, thresholds and workload metrics: --report DIR or --json FILE",
+    ]
