@@ -69,7 +69,7 @@ def core_name(board: Board, core: CorePlan) -> str:
 
 
 def core_table(plan: Plan, *, most: int = MOST_ROWS) -> Table:
-    """One row a core, and their sums: what it holds and what that takes of the core's limits.
+    """One row a core, and their sums: what it holds, a population a line, and what that takes of the core's limits.
 
     Args:
         plan: The plan.
@@ -81,10 +81,9 @@ def core_table(plan: Plan, *, most: int = MOST_ROWS) -> Table:
     figures = ("compartments", "axons in", "axons out", "synapse memory", "dense rows", "sparse rows", "a step")
     rules = frozenset({len(rows)})
     rows.append(_totals(plan))
-    bits = _bits(plan.weight_bits)
-    words = f"row: the synapses of an input on a core, {bits} each, sparse ones with an index; a step: modelled time"
-    caption = f"{words}, of all with the barrier and the embedded program" if plan.times is not None else words
-    return Table(("core", "holds", *figures), rows, (caption,), plan.board.title, words=2, rules=rules)
+    caption = "axons out, dense rows and time of each core: fit MODEL --json FILE"
+    heads, aside = ("core", "holds", *figures), frozenset({4, 6, 7, 8})
+    return Table(heads, rows, (caption,), plan.board.title, words=2, rules=rules, aside_columns=aside)
 
 
 def _bits(bits: int) -> str:
@@ -98,7 +97,7 @@ def _row(plan: Plan, core: CorePlan) -> list[str]:
     dense, sparse = rows_of(plan, core)
     return [
         core_name(board, core),
-        ", ".join(span(part) for part in core.parts if part.size),
+        "\n".join(span(part) for part in core.parts if part.size),
         _of(needs.compartments, board.compartments),
         _of(needs.axons_in, board.axons_in),
         _of(needs.axons_out, board.axons_out),
@@ -120,7 +119,7 @@ def _totals(plan: Plan) -> list[str]:
     needs = [core.needs for core in plan.cores]
     rows = [rows_of(plan, core) for core in plan.cores]
     words = _sum([need.synapse_words for need in needs])
-    least = "" if plan.board.memory.public else "at least "
+    least = "" if plan.board.memory.public else "at least\n"
     return [
         "all",
         f"{least}{len(plan.cores)} of {plan.board.chips * plan.board.cores} cores",

@@ -195,8 +195,20 @@ def _largest(
         rows = largest_map.table(config, board, weight_bits, lambda found: advance(1, found))
     values = [asdict(row) | {"proven": row.proven, "at_most": not board.memory.public} for row in rows]
     return show_results(
-        [_capacities(board, rows, views)], {json_path: {"target": board.name, "views": views, "largest": values}}
+        [*_in_words(board, rows), _capacities(board, rows, views)],
+        {json_path: {"target": board.name, "views": views, "largest": values}},
     )
+
+
+def _in_words(board: Board, rows: tuple[Capacity, ...]) -> list[str]:
+    """The largest map of those that rest on public sources alone, in a sentence, if there is one."""
+    proven = [row for row in rows if row.proven and row.weights == "typical"]
+    if not proven:
+        return []
+    most = max(proven, key=lambda row: row.places)
+    return [
+        f"{most.places:,} places fit {board.title} by public sources alone, with weights of {most.weight_bits} bits."
+    ]
 
 
 def _capacities(board: Board, rows: tuple[Capacity, ...], views: int) -> Table:
@@ -205,13 +217,14 @@ def _capacities(board: Board, rows: tuple[Capacity, ...], views: int) -> Table:
         "places: with as many weights as real networks have; if every one: every input has a weight to every neuron",
         "sparse: each weight with its index, as public sources count; dense: also rows without indices, which nobody "
         "has shown on a board; nor has anybody shown weights of fewer than 8 bits with their sign (unproven, both)",
+        "the share of weights that are not 0, neurons, and what binds: --json FILE",
     )
     seen = f", each place in {views} views" if views > 1 else ""
     unknown = not board.memory.public
     title = f"no larger maps can fit {board.title}" if unknown else f"the largest maps that fit {board.title}"
     least, most = (" at least", " at most") if unknown else ("", "")
     if unknown:
-        notes = (f"{board.known} Whether maps of these sizes fit is unknown.", notes[0])
+        notes = (f"{board.known} Whether maps of these sizes fit is unknown.", notes[0], notes[-1])
     names = (f"places{most}", f"neurons{most}", f"cores{least}")
     every = {(row.weight_bits, row.rows): row.places for row in rows if row.weights == "every"}
     cells = []
@@ -228,4 +241,5 @@ def _capacities(board: Board, rows: tuple[Capacity, ...], views: int) -> Table:
         words=0,
         long=frozenset({1, 7}),
         widest=50,
+        aside_columns=frozenset({2, 4, 7}),
     )

@@ -14,7 +14,7 @@ from lava_vpr import model
 from lava_vpr.deploy.bundle.folder import load as read
 from lava_vpr.engine.inference import biases
 
-ONE_CORE = r"│ 0:0 +│ exc 0\.\.7, counters 0\.\.7, inh 0 +│ +17 of 1,024 │"
+ONE_CORE = r"│ 0:0 +│ exc 0\.\.7 +│ +17 of 1,024 │.*\n│ +│ counters 0\.\.7 +│.*\n│ +│ inh 0 +│"
 
 
 # --- fit -------------------------------------------------------------------------------------------------------------
@@ -24,9 +24,10 @@ def test_fit_says_what_each_core_holds(here: Path) -> None:
     text = run("fit", "m.lvpr", "--target", "kapoho-bay").stdout
     assert re.search(ONE_CORE, text), text
     assert re.search(r"│ all +│ 1 of 256 cores +│", text)
-    assert "\n1 of 256 cores, 4 bits a stored weight.\n" in text
+    assert text.startswith("It fits Kapoho Bay (two Loihi 1 chips): 1 of 256 cores, 4 bits a stored weight.\n")
     assert re.search(r"The host sends up to [\d.]+ spikes a step to each chip \(limit: 56\)\.", text)
     text = run("fit", "m.lvpr", "--target", "loihi2").stdout
+    assert text.startswith("It may fit Loihi 2: at least 1 of 128 cores, 4 bits a stored weight.\n")
     assert "unknown" in text
     assert "is decided by Intel's compiler" in text
     text = run("fit", "m.lvpr", "--target", "kapoho-bay", "--input-mode", "bias").stdout
@@ -60,9 +61,10 @@ def test_fit_without_a_model_tells_the_largest_map(here: Path) -> None:
     assert "sparse (unproven)" in text
     assert row["neurons"] == row["places"] > every["places"] > 8000
     assert re.search(
-        rf"│ +3 │ sparse \(unproven\) +│ +62 % │ +{row['places']:,} │ +{row['neurons']:,} │ +{row['cores']} │", text
+        rf"│ +3 │ sparse \(unproven\) +│ +{row['places']:,} │ +{row['cores']} │ +{every['places']:,} │", text
     )
-    assert f"{every['places']:,} │" in text
+    assert f"{100 * row['share']:.0f}" == "62"
+    assert "public sources alone" not in text
     assert "dense (unproven)" in text
     run("fit", "--target", "kapoho-bay", "--weight-bits", 3, "--neurons-per-place", 2, "--json", "d.json")
     twice = json.loads(Path("d.json").read_text())["largest"][0]
@@ -183,10 +185,13 @@ def test_fit_for_loihi_2_promises_nothing(here: Path) -> None:
     assert "Whether maps of these sizes fit is unknown." in " ".join(text.split())
     assert [row["at_most"] for row in json.loads(Path("f.json").read_text())["largest"]] == [True, True]
     text = " ".join(run("fit", "m.lvpr", "--target", "loihi2", "--json", "m.json").stdout.split())
-    assert "At least 1 of 128 cores" in text
+    assert "It may fit Loihi 2: at least 1 of 128 cores" in text
     assert "Whether the network fits is unknown: it is beyond none of the public numbers." in text
     assert json.loads(Path("m.json").read_text())["fits"] is None
-    assert "no larger maps" not in run("fit", "--target", "kapoho-bay", "--weight-bits", 7).stdout
+    text = run("fit", "--target", "kapoho-bay", "--weight-bits", 7, "--json", "k.json").stdout
+    proven = [row["places"] for row in json.loads(Path("k.json").read_text())["largest"] if row["proven"]]
+    assert text.startswith(f"{max(proven):,} places fit Kapoho Bay (two Loihi 1 chips) by public sources alone, with")
+    assert "no larger maps" not in text
 
 
 def test_deploy_compresses_and_tells_recall_before_and_after(here: Path) -> None:

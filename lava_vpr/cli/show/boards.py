@@ -59,7 +59,9 @@ def placed(plan: Plan, notes: Iterable[str], beliefs: Sequence[HardwareBelief]) 
 
     for note in notes:
         stderr.print(f"note: {note}")
-    return [core_table(plan), "\n".join(summary(plan)), rests_on(beliefs)]
+    (cores, *others), fits = summary(plan), "It fits" if plan.board.memory.public else "It may fit"
+    verdict = f"{fits} {plan.board.title}: {cores[0].lower()}{cores[1:]}"
+    return [verdict, core_table(plan), "\n".join(others), rests_on(beliefs)]
 
 
 def rests_on(beliefs: Collection[HardwareBelief]) -> str:
