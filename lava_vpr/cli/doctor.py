@@ -96,6 +96,10 @@ def doctor() -> None:
         f"lava-vpr {__version__}, Python {platform.python_version()}, {platform.machine()}, {cores()} processors",
     )
     missing = [package for package in NEEDED if installed(package) is None]
+    reasons = {name: _missing(row) for name, row in BACKENDS.items()}
+    able = {name: "yes" if reason is None and not missing else "no" for name, reason in reasons.items()}
+    needs = f"{', '.join(missing)} missing" if missing else "All that is needed is installed"
+    console.print(f"{needs}; {[*able.values()].count('yes')} of {len(able)} backends can run.")
     browser = next((name for name in BROWSERS if shutil.which(name)), "not installed")
     rows = [(package, installed(package) or "missing", purpose) for package, purpose in NEEDED.items()]
     rows += [(k, installed(k) or "not installed", f"optional ({extra}): {why}") for k, (extra, why) in OPTIONAL.items()]
@@ -103,8 +107,6 @@ def doctor() -> None:
     rows.append(_costing())
     strong = frozenset(k for k, package in enumerate(NEEDED) if package in missing)
     _print(("package", "version", "what for"), rows, "packages", strong)
-    reasons = {name: _missing(row) for name, row in BACKENDS.items()}
-    able = {name: "yes" if reason is None and not missing else "no" for name, reason in reasons.items()}
     _print(
         ("backend", "can run", "what"), [(name, able[name], row.title) for name, row in BACKENDS.items()], "backends"
     )

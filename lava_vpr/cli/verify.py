@@ -85,7 +85,7 @@ def verify(
             begin=lambda name: show(f"running {name}", len(queries) * asking.views),
         )
     values = {"backends": {verdict.name: verdict.as_json() for verdict in verdicts}}
-    show_results([_table(verdicts)], {json_path: values})
+    show_results([*_in_words(verdicts), _table(verdicts)], {json_path: values})
     _judge(verdicts, named=bool(names))
 
 
@@ -107,6 +107,12 @@ def _judge(verdicts: list[Verdict], named: bool) -> None:
         )
     if named and unable:  # it began, and could not
         raise BackendUnavailableError(f"{unable[0].name}: was not compared; see above, or choose another --backend")
+
+
+def _in_words(verdicts: list[Verdict]) -> list[str]:
+    """Which backends have every spike of the host, in a sentence, but for those that call the host's own kernel."""
+    alike = [row.name for row in verdicts if row.equal and not row.hosts_kernel and row.name != "host"]
+    return [f"Every spike that was compared equals the host's on {', '.join(alike)}."] if alike else []
 
 
 _FURTHER = {"before": "front end", "gained": "gains"}

@@ -215,6 +215,8 @@ def test_every_backend_on_a_synthetic_route(here: Path, monkeypatch: pytest.Monk
     assert set(values["lava-float"]) == {"available", "equal", "queries", "recall_at_1"}
     assert values["lava-float"]["equal"] is None
     assert set(values["loihi2"]) == {"available", "reason"}
+    alike = "Every spike that was compared equals the host's on lava-fixed, lava-library, bundle.\n"
+    assert result.stdout.startswith(alike)  # the kernel of lava-fused is the host's own
     assert re.search(rf"lava-library │ every spike equal +│ +2 │ +{decided} │ +{parts['inputs']:,} │", result.stdout)
     assert re.search(rf"lava-fused +│ equal, host's kernel +│ +2 │ +{parts['exc']} │ +0 │", result.stdout)
     assert "not available" in result.stdout

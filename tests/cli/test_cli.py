@@ -20,6 +20,7 @@ from support.common.commands import CONFIG, PLACES, fails, images, listed, recal
 
 from lava_vpr import __version__, model
 from lava_vpr.backends.lava import lava_missing
+from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cli import main
 from lava_vpr.cli.show.headings import OPTIONS, POSITIONS, RUNNING, help_records
 from lava_vpr.errors import BackendUnavailableError
@@ -65,6 +66,8 @@ def test_doctor_says_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     text = run("doctor").stdout
     assert text.startswith(f"lava-vpr {__version__}, Python {platform.python_version()}, ")
     assert re.search(r"│ host +│ yes +│", text)
+    able = len(re.findall(r"│ [\w-]+ +│ yes +│", text))
+    assert text.splitlines()[1] == f"All that is needed is installed; {able} of {len(BACKENDS)} backends can run."
     missing = lava_missing()
     assert re.search(rf"│ lava-nc +│ {'0.10.0' if missing is None else 'not installed'} ", text)
     assert re.search(rf"│ lava-fused +│ {'yes' if missing is None else 'no'} ", text)
@@ -78,6 +81,7 @@ def test_doctor_says_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     result = CliRunner().invoke(main, ["doctor"])
     assert result.exit_code == 1
     assert re.search(r"│ scipy +│ missing ", result.stdout)
+    assert result.stdout.splitlines()[1] == f"scipy missing; 0 of {len(BACKENDS)} backends can run."
     assert "lava-vpr: error: scipy missing; install again" in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
 
