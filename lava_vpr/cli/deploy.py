@@ -175,8 +175,8 @@ def deploy(
     outputs = Outputs((json_path,), folders=(output,), read=(season, replay), model=model_path, images=images.sources)
     found = lif_model(open_model(model_path), board.title, model_path, direct=True)
     if found.network.direct:
-        others = {"--calibrate": images.calibrate, "--season": season, "--replay": replay, "--learning": learning}
-        check_as_learned(model_path, {**changes._asdict(), "--dense-rows": dense_rows, **others})
+        others = {"--season": season, "--replay": replay, "--learning": learning, "--dense-rows": dense_rows}
+        check_as_learned(model_path, {**changes._asdict(), "--calibrate": images.calibrate, **others})
         return _direct(found, board, output, json_path)
     model, _ = applied(found, season)
     table = None if replay is None else load_table(replay)
@@ -187,11 +187,16 @@ def deploy(
     deployed = _written(compressed, board, output, dense_rows=dense_rows, learning=learning, gains=table)
     learned = _learned(model, calibration) if learning and calibration is not None else None
     compared = [] if compressed.before is None else [_figures(compressed, learned)]
-    said = placed(deployed.plan, compressed.notes, unproven(deployed.plan, learning=learning))
-    front_end = deployed.bundle.manifest.get(FRONT_END)
-    said += [] if front_end is None else [held_sentence(front_end)]
+    said = _placed(deployed, compressed, learning=learning)
     values = _values(model, compressed, deployed, learned)
     show_results([*compared, *said, f"bundle: {shown(output)}"], {json_path: values})
+
+
+def _placed(deployed: Deployed, compressed: Compressed, *, learning: bool) -> list[Table | str]:
+    """Where neurons stand, and what the bundle holds of a spiking front end."""
+    said = placed(deployed.plan, compressed.notes, unproven(deployed.plan, learning=learning))
+    front_end = deployed.bundle.manifest.get(FRONT_END)
+    return said if front_end is None else [*said, held_sentence(front_end)]
 
 
 def _direct(model: IntegerModel, board: Board, output: Path, json_path: Path | None) -> None:

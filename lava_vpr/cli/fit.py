@@ -91,12 +91,16 @@ def fit(
     from lava_vpr.deploy.bundle.compression import Changes
 
     changes = Changes(weight_bits=weight_bits, input_mode=input_mode)
-    return _model(board, model, changes, dense_rows, picture, json_path)
+    found = lif_model(open_model(model), board.title, model, direct=True)
+    if not found.network.direct:
+        return _model(board, found, changes, dense_rows, picture, json_path)
+    check_as_learned(model, {"--dense-rows": dense_rows, "--picture": picture, **changes._asdict()})
+    return _direct(board, found, json_path)
 
 
 def _model(
     board: Board,
-    model_path: Path,
+    model: IntegerModel,
     changes: Changes,
     dense_rows: bool,
     picture: Path | None,
@@ -107,10 +111,6 @@ def _model(
     from lava_vpr.deploy.bundle.deployment import mapping, modelled, plan_of, unproven
     from lava_vpr.deploy.cost.expected import timed
 
-    model = lif_model(open_model(model_path), board.title, model_path, direct=True)
-    if model.network.direct:
-        check_as_learned(model_path, {"--dense-rows": dense_rows, "--picture": picture, **changes._asdict()})
-        return _direct(board, model, json_path)
     with stage(f"placing {model.neurons:,} neurons"):
         compressed = adapted(model, board, changes)
         plan = timed(plan_of(compressed.model, board, dense_rows=dense_rows), compressed.model)

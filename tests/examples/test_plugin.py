@@ -54,7 +54,7 @@ def test_its_input_its_learning_rule_and_its_decoder_are_used(site: Path, tmp_pa
     words += ("--learning", "oja", "--epochs", "8")
     done = lava_vpr(tmp_path, site, *words)
     assert (done.returncode, done.stderr) == (0, "")
-    done = lava_vpr(tmp_path, site, "query", "m.lvpr", "query", "-o", "m.csv")
+    done = lava_vpr(tmp_path, site, "query", "m.lvpr", "query", "--min-confidence", "0", "-o", "m.csv")
     assert (done.returncode, done.stderr) == (0, "")
     with (tmp_path / "m.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
