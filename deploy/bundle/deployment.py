@@ -83,7 +83,7 @@ def contents(
     if model.config.encoder.direct is not None:
         target = TARGETS[board.name]
         own = integer_model(model, board.title)
-        return direct_contents(own, board, program_files(target.program), holds=target.holds_front_end)
+        return direct_contents(own, board, program_files(target.program), target.pixels)
     plan, target = timed(plan_of(model, board, dense_rows=dense_rows), model), TARGETS[board.name]
     if not measured:
         responses = reference_responses(plan.network, model.activity, model.places, model.config, Pool(cores()))

@@ -31,16 +31,19 @@ LEFT_OUT = "left_out"
 """The key of the reason why it is left out."""
 
 
-def whole_of(model: IntegerModel) -> WholeNetwork:
-    """The front end of ``model`` with the network that hears its cells, and its counters.
+def whole_of(model: IntegerModel, *, counted: bool = True) -> WholeNetwork:
+    """The front end of ``model`` with the network that hears its cells.
 
+    Args:
+        model: The model.
+        counted: Whether a board needs counters (`lava_vpr.deploy.boards.board.Board.counters`).
     Raises:
         ConfigError: no neuron hears the cells.
     """
     spec = model.config.encoder.direct
     if spec is None:
         raise ConfigError("these neurons do not hear the cells of a front end; train with --input frontend-direct")
-    return WholeNetwork.of(spec, model.network, counted=True)
+    return WholeNetwork.of(spec, model.network, counted=counted)
 
 
 def front_end_of(model: Model) -> FrontEnd | None:
@@ -96,6 +99,11 @@ def held_sentence(said: Mapping[str, Any]) -> str:
     """What a bundle holds of a front end, for people, by what its manifest says."""
     if LEFT_OUT in said:
         return f"The bundle holds no spiking front end: {said[LEFT_OUT]}. The host counts the front end's spikes."
+    if "interval" in said:
+        return (
+            "From pixels to places the network is made of Lava's LIFReset and Sparse alone, which Intel's compiler "
+            f"places; it takes {said['steps']} steps, and neurons are reset every {said['interval']}."
+        )
     if "exc" in said["populations"]:
         return f"From pixels to places the network stands on {said['cores']} cores, and takes {said['steps']} steps."
     return (
@@ -118,7 +126,7 @@ def check_front_end(bundle: ReadBundle, model: Model, *, holds: bool = True) -> 
     if said is None and not held:
         return
     taken = [(image.chip, image.core) for image in core_images(bundle)]
-    files, facts = front_end_files(front_end_of(model), BOARDS[bundle.target], taken, holds=holds)
+    files, facts = front_end_files(model.config.encoder.front_end, BOARDS[bundle.target], taken, holds=holds)
     if facts is None or json.dumps(said, sort_keys=True) != json.dumps(facts, sort_keys=True):
         raise BundleError(f"{bundle.at(MANIFEST)}: what it says of a front end is not what its settings make; {AGAIN}")
     if held - set(files):

@@ -51,11 +51,7 @@ def parameters_of(network: FixedNetwork) -> dict[str, Any]:
     """
     network.check()
     check_reset(network.interval, "network.steps")
-    if network.decay > NO_MEMORY_DECAY:
-        raise NetworkLimitError(
-            f"decay {network.decay} does not fit Loihi 2's 0..{NO_MEMORY_DECAY}; train with network.tau_membrane "
-            "above 1"
-        )
+    check_decay(network)
     _, bits, exponent = network.stored
     _, bias_exponent = network.bias_registers
     reset = {"reset_interval": network.interval, "reset_offset": 1}
@@ -94,6 +90,19 @@ def parameters_of(network: FixedNetwork) -> dict[str, Any]:
             "sign_mode": "INHIBITORY",
         },
     }
+
+
+def check_decay(network: FixedNetwork) -> None:
+    """Refuse a decay that LIFReset does not take.
+
+    Raises:
+        NetworkLimitError: naming the setting.
+    """
+    if network.decay > NO_MEMORY_DECAY:
+        raise NetworkLimitError(
+            f"decay {network.decay} does not fit Loihi 2's 0..{NO_MEMORY_DECAY}; train with network.tau_membrane "
+            "above 1"
+        )
 
 
 def network_files(network: FixedNetwork) -> dict[str, bytes]:

@@ -12,6 +12,7 @@ from lava_vpr.deploy.hardware.belief import HardwareBelief
 from lava_vpr.deploy.mapping.front_end import PlacedFrontEnd
 from lava_vpr.deploy.show.tables import modelled_time
 from lava_vpr.inputs.front_end import FrontEnd
+from lava_vpr.loihi import reset_interval
 from lava_vpr.model import Model
 
 _TEXT = """\
@@ -93,10 +94,31 @@ NETWORK = """\
 - `mapping.json`, `mapping.svg`: an estimate by the limits that are public.
 """
 
-_DIRECT = """\
+_PIXELS = """\
 # From pixels to places on {title}
 
-It recognises {places} places (`{first}` to `{last}`). Pixels are written once a query; {total:,} neurons on {cores}
+It recognises {places} places (`{first}` to `{last}`). {guide}
+## What is what
+
+- `manifest.json`: network, limits of the board, how states are cleared between queries, checksums of all
+  files. The programs refuse to run a bundle that was altered.
+{parts}- `host/weights.npy`, `host/bias.npy`: the network of places, as these files hold it.
+- `host/pixels.npy`, `host/counts.npy`: small pictures of places, and the spike counts that they must give.
+- `host/responses.npy`, `host/references.lvpr`: spike counts of the references, names, settings and small images, for
+  lava-vpr's decoders and reports.
+
+A place's score is the sum over neurons of responses[i, place] / responses[i].sum() * counts[i], which the
+configured decoder scales; the highest score is the place.
+
+## What no public source shows
+
+This bundle rests on these beliefs about the hardware; lava-vpr's docs/hardware.md says why they are held.
+
+{unproven}
+"""
+
+PIXELS_KAPOHO_BAY = """\
+Pixels are written once a query; {total:,} neurons on {cores}
 cores, of which {neurons} stand for places, spike for {steps} steps; then the counts of these are read. The host
 computes nothing between the two. What each population takes is in `mapping.json`.
 
@@ -115,28 +137,40 @@ not lava-vpr.
 With lava-vpr on the same machine, images go in and places come out:
 
     NXSDK_PYTHON=/path/to/python lava-vpr eval THIS_FOLDER QUERY_IMAGES --backend kapoho-bay
+"""
 
-## What is what
+PIXELS_LOIHI_2 = """\
+Pixels are written once a query; {total:,} neurons, of which {neurons}
+stand for places, spike for {steps} steps of the {interval} after which all are reset; Lava counts the spikes of these.
+The host computes nothing between the two. What each population takes, by the limits that are public, is in
+`mapping.json`: at least {cores} cores.
 
-- `manifest.json`: network, limits of the board, how states are cleared between queries, checksums of all
-  files. The programs refuse to run a bundle that was altered.
+Needs: Lava 0.10 under Python 3.10, Intel's lava-loihi (closed; from Intel's neuromorphic research community)
+and a configured Loihi 2 host (SLURM=1 or NXSDKHOST). Nothing else, not lava-vpr. Lava makes sockets in the
+temporary folder and their paths must be short: if TMPDIR has over 59 characters, `export TMPDIR=/tmp`.
+
+    python program/run.py --check                 everything but the board
+    python program/run.py --simulate --self-test 2  Lava's bit-accurate simulation, no board
+    python program/run.py --ladder FILE           one small picture, then all; FILE is what to send back
+    .. --ways W,W                                 other ways to ask the board, which --ladder finds and names
+    python program/run.py --self-test             small pictures of places; counts must equal host/counts.npy
+    python program/run.py --queries Q --out R     Q/pixels.npy uint8 (n, {height}, {width}) in, R/counts.npy out
+
+Pixels are written between runs of the board, so that `--power`, which needs all queries in one run, is refused.
+"""
+
+PIXELS_CORES = """\
 - `front_end/cores/chipC-coreNNN/`: registers, compartments (profile, threshold, bias mantissa, bias exponent), synapse
   memory in 64-bit words, input axons (first word, words, synapses), output axons (source, chip, core, axon).
 - `front_end/host/`: chip, core and compartment of every neuron of each population; `exc` are the neurons of places,
   `counters` count their spikes.
-- `host/weights.npy`, `host/bias.npy`: the network of places, as the cores hold it.
-- `host/pixels.npy`, `host/counts.npy`: small pictures of places, and the spike counts that they must give.
-- `host/responses.npy`, `host/references.lvpr`: spike counts of the references, names, settings and small images, for
-  lava-vpr's decoders and reports.
+"""
 
-A place's score is the sum over neurons of responses[i, place] / responses[i].sum() * counts[i], which the
-configured decoder scales; the highest score is the place.
-
-## What no public source shows
-
-This bundle rests on these beliefs about the hardware; lava-vpr's docs/hardware.md says why they are held.
-
-{unproven}
+PIXELS_NETWORK = """\
+- `network/parameters.json`: what Lava's own LIFReset and Sparse are made with; `exc` are the neurons of places, the
+  mantissas of `pixels` their grey levels.
+- `network/NN-SOURCE-TARGET/`: weights, sources and where each target's begin, of synapses of one sign and exponent;
+  Intel's compiler places them.
 """
 
 _LEARNING = "- `learning/`: the network that learns, for Lava's LearningDense: rule, start weights, schedule.\n"
@@ -152,19 +186,35 @@ _INJECTED = "{} trains, injected spike by spike"
 _BIAS = "integrated by input compartments from a bias written once a query"
 
 
-def direct_readme(model: Model, spec: FrontEnd, plan: PlacedFrontEnd, unproven: Iterable[HardwareBelief]) -> bytes:
-    """What the folder is and how to run it, of a network that hears the cells of the front end ``spec``."""
-    return _DIRECT.format(
-        title=plan.board.title,
-        places=model.places,
-        first=model.place_names[0],
-        last=model.place_names[-1],
+def direct_readme(
+    model: Model, spec: FrontEnd, plan: PlacedFrontEnd, guide: str, parts: str, unproven: Iterable[HardwareBelief]
+) -> bytes:
+    """What the folder is and how to run it, of a network that hears the cells of the front end ``spec``.
+
+    Args:
+        model: What the bundle holds.
+        spec: The front end.
+        plan: Where its neurons stand.
+        guide: What it takes and how to run the board's program.
+        parts: What the files of the network are.
+        unproven: The rows of the table of hardware that it rests on and no public source shows.
+    """
+    told = guide.format(
         total=sum(spec.populations.values()),
         cores=plan.cores,
         neurons=model.neurons,
         steps=spec.steps,
+        interval=reset_interval(spec.steps),
         height=spec.height,
         width=spec.width,
+    )
+    return _PIXELS.format(
+        title=plan.board.title,
+        places=model.places,
+        first=model.place_names[0],
+        last=model.place_names[-1],
+        guide=told,
+        parts=parts,
         unproven=_rows(unproven),
     ).encode()
 

@@ -17,11 +17,17 @@ from pathlib import Path
 from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.boards.memory import UNLIMITED
 from lava_vpr.deploy.boards.plan import Plan
-from lava_vpr.deploy.bundle import core_files, folder as bundle_folder, loihi2, readme
+from lava_vpr.deploy.bundle import core_files, folder as bundle_folder, loihi2, loihi2_pixels, readme
 from lava_vpr.deploy.bundle.core_files import BundlePlayer, scalars
-from lava_vpr.deploy.bundle.direct import check_direct, direct_network
+from lava_vpr.deploy.bundle.direct import (
+    IN_LAVA,
+    ON_CORES,
+    PixelsForm,
+    check_direct,
+    direct_network,
+)
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle
-from lava_vpr.deploy.bundle.front_end import check_front_end
+from lava_vpr.deploy.bundle.front_end import FrontEndPlayer, check_front_end, front_end_player
 from lava_vpr.deploy.bundle.gains import check_gains
 from lava_vpr.deploy.bundle.learning import SETTINGS, check_learning
 from lava_vpr.deploy.bundle.references import read_references, referenced
@@ -60,24 +66,28 @@ class Target:
         network_files: The files that hold the network of a plan, by name.
         network: The network of a bundle, rebuilt from these files alone.
         player: A simulation of a bundle, from these files alone.
+        front_end_player: A simulation of what a bundle holds from pixels on; None: it begins with the inputs.
         program: Folder of the host program in ``deploy/programs``.
         interpreter: Environment variable that names the Python with the vendor's software; None: the running one.
         guide: How to run the program, for the README in the bundle.
         parts: What the network's files are, for the README in the bundle.
         learns: Whether a bundle can hold the network that learns.
-        holds_front_end: Whether a bundle can hold the spiking front end.
+        holds_front_end: Whether a bundle can hold the spiking front end before a network whose inputs have rates.
+        pixels: How a bundle holds a network that hears the cells of the front end itself.
     """
 
     name: str
     network_files: Callable[[Plan], Mapping[str, bytes]]
     network: Callable[[ReadBundle], FixedNetwork]
     player: Callable[[ReadBundle], BundlePlayer]
+    front_end_player: Callable[[ReadBundle], FrontEndPlayer | None]
     program: str
     interpreter: str | None
     guide: str
     parts: str
     learns: bool
     holds_front_end: bool
+    pixels: PixelsForm
 
 
 TARGETS: Registry[Target] = Registry("target", BackendUnavailableError)
@@ -89,12 +99,14 @@ TARGETS.register(
         network_files=core_files.network_files,
         network=core_files.network,
         player=core_files.player,
+        front_end_player=front_end_player,
         program="kapoho_bay",
         interpreter="NXSDK_PYTHON",
         guide=readme.KAPOHO_BAY,
         parts=readme.CORES,
         learns=False,
         holds_front_end=True,
+        pixels=ON_CORES,
     )
 )
 TARGETS.register(
@@ -103,12 +115,14 @@ TARGETS.register(
         network_files=lambda plan: loihi2.network_files(plan.network),
         network=lambda bundle: loihi2.network_of(bundle.files, bundle.path),
         player=loihi2.player,
+        front_end_player=loihi2_pixels.player,
         program="loihi2",
         interpreter=None,
         guide=readme.LOIHI_2,
         parts=readme.NETWORK,
         learns=True,
         holds_front_end=False,
+        pixels=IN_LAVA,
     )
 )
 
@@ -142,7 +156,7 @@ def open_whole(path: Path) -> tuple[ReadBundle, Model]:
         raise BundleError(f"{at}: has host_spikes {brief(spikes)}, of 0..{most}; {AGAIN}")
     kept = read_references(whole_bundle, stated)
     if OF_DIRECT in stated:
-        rebuilt = direct_network(whole_bundle, stated, holds=target.holds_front_end)
+        rebuilt = direct_network(whole_bundle, stated)
     else:
         rebuilt = target.network(whole_bundle)
     for name, number in {"inputs": rebuilt.inputs, "neurons": rebuilt.neurons, **rebuilt.scalars}.items():
@@ -154,8 +168,11 @@ def open_whole(path: Path) -> tuple[ReadBundle, Model]:
             raise BundleError(f"{whole_bundle.at(SETTINGS)}: is for a board that does not learn; {AGAIN}")
         check_learning(whole_bundle, model)
     check_gains(whole_bundle, model)
-    check_direct(whole_bundle, integer_model(model, "a bundle"))
-    check_front_end(whole_bundle, model, holds=target.holds_front_end)
+    own = integer_model(model, "a bundle")
+    if own.network.direct:
+        check_direct(whole_bundle, own, target.pixels)
+    else:
+        check_front_end(whole_bundle, model, holds=target.holds_front_end)
     return whole_bundle, replace(model, bundle=path)
 
 

@@ -19,7 +19,6 @@ from lava_vpr.deploy.bundle import board_program, effort
 from lava_vpr.deploy.bundle.core_files import BundleSpikes
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.folder import ReadBundle
-from lava_vpr.deploy.bundle.front_end import front_end_player
 from lava_vpr.deploy.bundle.targets import TARGETS, open_whole
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.presentations import Trains
@@ -104,7 +103,7 @@ class BundleBackend:
 def front_end_trains(
     model: Model, blocks: Iterable[NDArray[np.uint8]], advance: Advance | None = None
 ) -> Iterator[Mapping[str, NDArray[np.uint8]]]:
-    """Simulate the registers and memory of the spiking front end of a bundle, which is opened once; reads nothing else.
+    """Simulate the files of the spiking front end of a bundle, which is opened once; reads nothing else.
 
     Args:
         model: The bundle's model.
@@ -115,7 +114,7 @@ def front_end_trains(
         front end.
     """
     with bundle_of(model) as bundle:
-        play = front_end_player(bundle)
+        play = TARGETS[bundle.target].front_end_player(bundle)
         for grey in blocks:
             yield {} if play is None else play(grey)
             if advance is not None:

@@ -31,8 +31,9 @@ from lava_vpr.deploy.bundle.compression import Changes, Compressed, CompressionF
 from lava_vpr.deploy.bundle.deployment import Deployed, deploy as write_bundle, unproven
 from lava_vpr.deploy.bundle.direct import unproven as direct_unproven
 from lava_vpr.deploy.bundle.folder import check_replaceable
-from lava_vpr.deploy.bundle.front_end import FRONT_END, held_sentence
+from lava_vpr.deploy.bundle.front_end import FRONT_END, held_sentence, whole_of
 from lava_vpr.deploy.bundle.targets import TARGETS
+from lava_vpr.deploy.mapping.front_end import PlacedFrontEnd
 from lava_vpr.engine.presentations import cores
 from lava_vpr.errors import shown
 from lava_vpr.experiments.calibration import Calibration, calibrated, figures, search
@@ -209,13 +210,13 @@ def _direct(model: IntegerModel, board: Board, output: Path, json_path: Path | N
         "places": model.places,
         "neurons": model.neurons,
         "weight_bits": model.weight_bits,
-        "cores": manifest[FRONT_END]["cores"],
+        "cores": deployed.placed.cores if isinstance(deployed.placed, PlacedFrontEnd) else None,
         "compression": None,
         "learning": None,
         "unproven": manifest["unproven"],
         "modelled": None,
     }
-    rests = rests_on(direct_unproven(board))
+    rests = rests_on(direct_unproven(whole_of(model), board))
     show_results([held_sentence(manifest[FRONT_END]), rests, f"bundle: {shown(output)}"], {json_path: values})
 
 

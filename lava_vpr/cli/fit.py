@@ -145,9 +145,10 @@ def _direct(board: Board, model: IntegerModel, json_path: Path | None) -> list[T
     from lava_vpr.deploy.mapping.front_end import placed as placed_front_end
     from lava_vpr.deploy.show.tables import front_end_table
 
-    with stage(f"placing {sum(whole_of(model).populations.values()):,} neurons"):
-        found = placed_front_end(whole_of(model), board)
-    rows = unproven(board)
+    spec = whole_of(model, counted=board.counters)
+    with stage(f"placing {sum(spec.populations.values()):,} neurons"):
+        found = placed_front_end(spec, board)
+    rows = unproven(spec, board)
     values = {
         "target": board.name,
         "fits": found.as_json(0)["fits"],

@@ -18,13 +18,19 @@ from support.boards import host_programs
 from support.common import children
 from support.lava.small_networks import random_bias
 
-from lava_vpr.deploy.bundle import loihi2
+from lava_vpr.deploy.bundle import loihi2, loihi2_pixels
+from lava_vpr.deploy.bundle.folder import array_bytes
 from lava_vpr.engine.inference.fixed import FixedNetwork, silent_steps
+from lava_vpr.engine.inference.whole import WholeNetwork, counts_of
 from lava_vpr.engine.random import presentation_keys
+from lava_vpr.inputs.front_end import FrontEnd
+from lava_vpr.loihi import INPUT_SHIFT
 
 STANDIN = Path(__file__).parents[1] / "standins" / "loihi2"
 AGAIN = "; deploy the model again or fetch an intact copy"
 IMAGES, PLACES, INTERVAL = 5, 4, 32
+SPEC = FrontEnd(width=8, levels=14, race=8, budget=40, reading=12)
+"""A small front end whose cells are heard: a presentation of 39 steps takes 64."""
 
 
 def network(seed: int = 0, inputs: int = 24, neurons: int = 10, **changes: Any) -> FixedNetwork:
@@ -51,6 +57,48 @@ def write_bundle(path: Path, net: FixedNetwork) -> Path:
     """A bundle of ``net`` with its references: the first place has two images."""
     labels = np.arange(IMAGES) % PLACES
     return host_programs.write_bundle(path, "loihi2", net, loihi2.network_files(net), queries(net.inputs), labels).path
+
+
+def hearing(spec: FrontEnd = SPEC, seed: int = 2, neurons: int = 7, **changes: Any) -> WholeNetwork:
+    """``spec`` with a network whose neurons spike, inhibit each other, and have biases."""
+    rng = np.random.default_rng(seed)
+    made = FixedNetwork(
+        weights=rng.integers(-7, 8, (spec.populations["cells"], neurons)).astype(np.int16),
+        bias=(rng.integers(-60, 1, neurons) << INPUT_SHIFT).astype(np.int32),
+        bits=3,
+        signed=True,
+        threshold=20,
+        inhibition=3,
+        inhibition_exponent=4,
+        decay=341,
+        steps=spec.ticks,
+        regular=True,
+        direct=spec.offset_step,
+    )
+    made = replace(made, **changes)
+    made.check()
+    return WholeNetwork.of(spec, made)
+
+
+def pictures(n: int, seed: int = 0, spec: FrontEnd = SPEC) -> NDArray[np.uint8]:
+    """Random pictures, the last of one grey level."""
+    drawn = np.random.default_rng(seed).integers(0, 256, (n, spec.height, spec.width)).astype(np.uint8)
+    drawn[-1] = 90
+    return drawn
+
+
+def write_pixels_bundle(path: Path, whole: WholeNetwork | None = None) -> Path:
+    """A bundle that takes pixels, with five pictures and the counts that they must give."""
+    whole = whole or hearing()
+    files, facts = loihi2_pixels.whole_files(whole)
+    shown = pictures(IMAGES, spec=whole)
+    own = {"host/pixels.npy": array_bytes(shown), "host/counts.npy": array_bytes(counts_of(whole, shown))}
+    bursts = np.array([whole.burst_codes(whole.bursts_of(one)).ravel() for one in shown])
+    given = bursts, np.zeros(IMAGES, np.uint64)
+    made = host_programs.write_bundle(
+        path, "loihi2", whole.places, {**files, **own}, given, np.arange(IMAGES), front_end=facts
+    )
+    return made.path
 
 
 def environment(standin: Path | None = STANDIN, options: Path | None = None) -> dict[str, str]:
