@@ -70,6 +70,24 @@ def define_processes() -> None:
     globals().update(Spikes=Spikes, Counter=Counter, PySpikes=PySpikes, PyCounter=PyCounter)
 
 
+def across(out: Any, into: Any, adapter: str | None) -> None:
+    """Connect two ports, with an ``adapter`` of the vendor's between host and chip."""
+    if adapter is None:
+        out.connect(into)
+        return
+    from lava.proc.embedded_io import spike  # of lava-loihi
+
+    between = getattr(spike, adapter)(shape=out.shape)
+    out.connect(between.inp)
+    between.out.connect(into)
+
+
+def between(source: Any, connection: Any, target: Any) -> None:
+    """Connect two populations by synapses."""
+    source.s_out.connect(connection.s_in)
+    connection.a_out.connect(target.a_in)
+
+
 def wire(weights: NDArray[Any], bias: Arrays, parameters: dict[str, Any], ends: tuple[Any, Any], simulate: bool) -> Any:
     """Inputs, or their relays, to exc; exc to inh, which inhibits every exc; exc to the counter: the two ``ends``.
 
@@ -82,23 +100,9 @@ def wire(weights: NDArray[Any], bias: Arrays, parameters: dict[str, Any], ends: 
     from lava.utils.weightutils import SignMode
     from scipy.sparse import csr_matrix, identity
 
-    def across(out: Any, into: Any, adapter: str | None) -> None:
-        if adapter is None or simulate:
-            out.connect(into)
-            return
-        from lava.proc.embedded_io import spike  # of lava-loihi
-
-        between = getattr(spike, adapter)(shape=out.shape)
-        out.connect(between.inp)
-        between.out.connect(into)
-
     def synapses(name: str, given: Any, kind: Any = Dense) -> Any:
         form = {key: value for key, value in parameters[name].items() if key != "weight"}
         return kind(weights=given, **form | {"sign_mode": SignMode[form["sign_mode"]]})
-
-    def between(source: Any, connection: Any, target: Any) -> None:
-        source.s_out.connect(connection.s_in)
-        connection.a_out.connect(target.a_in)
 
     (source, counter), (n, inputs), leaves = ends, weights.shape, parameters["leaves"]
     one, lateral = parameters["relay"]["weight"], parameters["inhibit"]["weight"]
@@ -125,8 +129,8 @@ def wire(weights: NDArray[Any], bias: Arrays, parameters: dict[str, Any], ends: 
         relays.s_out.connect(excite.s_in)
         entrance = forward.s_in
     excite.a_out.connect(exc.a_in)
-    across(source.s_out, entrance, None if isinstance(source, LIF) else "PyToNxAdapter")
-    across(exc.s_out, counter.s_in, "NxToPyAdapter")
+    across(source.s_out, entrance, None if isinstance(source, LIF) or simulate else "PyToNxAdapter")
+    across(exc.s_out, counter.s_in, None if simulate else "NxToPyAdapter")
     return exc
 
 
@@ -165,42 +169,72 @@ def on_cpu(process: Any, base: type) -> bool:
     return issubclass(process.model_class, base)
 
 
-class Player:
-    """The network in Lava, and how a batch is presented to it; ``seen`` counts the steps that were read out."""
+class CountedRun:
+    """A network in Lava, whose spikes of exc are counted; ``seen`` counts the steps that were read out."""
+
+    def __init__(self, options: dict[str, Any], seen: NDArray[np.int64], queries: int, neurons: int) -> None:
+        parameters = options["parameters"]
+        self.steps, self.silent = parameters["steps"], parameters["silent_steps"]
+        self.interval, self.simulate = self.steps + self.silent, options["simulate"]
+        self.counts, self.seen, self.started = shared((queries, neurons), np.int32), seen, False
+        self.profiler = None
+        if options.get("power"):
+            from lava_power import Profiler
+
+            self.profiler = Profiler(queries * self.interval)
+        self.process = globals()["Counter"](self.counts, self.interval, self.seen)
+
+    def start(self) -> None:
+        """What is wired is compiled, but for a simulation."""
+        if not self.simulate:
+            start_board(self.process, self.profiler.callbacks if self.profiler else [])
+
+    def go(self, steps: int) -> None:
+        """Run Lava for ``steps`` steps."""
+        from lava.magma.core.run_conditions import RunSteps
+        from lava.magma.core.run_configs import Loihi2SimCfg
+
+        config = None if self.started or not self.simulate else Loihi2SimCfg(select_tag="fixed_pt")
+        self.process.run(condition=RunSteps(num_steps=steps), run_cfg=config)
+        self.started = True
+
+    def covered(self, start: int, end: int) -> NDArray[np.int32]:
+        """Counts of the queries ``start`` .. ``end`` - 1, of which every step was read out."""
+        if self.seen[0] != end * self.interval:
+            raise Refused(
+                "run",
+                f"queries {start} to {end - 1}: the read-out covers {self.seen[0] - start * self.interval:,} of "
+                f"{(end - start) * self.interval:,} steps; run them again, and see to the board if it happens again",
+            )
+        return self.counts[start:end]
+
+
+class Player(CountedRun):
+    """The network of places, and how a batch is presented to it."""
 
     def __init__(self, arrays: Arrays, options: dict[str, Any], seen: NDArray[np.int64]) -> None:
         from lava.proc.lif.process import LIF
 
         self.rates, self.keys, weights = arrays["rates"], arrays["keys"], arrays["weights"]
+        super().__init__(options, seen, len(self.rates), len(weights))
         parameters = options["parameters"]
         self.level = parameters["level"]
-        self.steps, self.silent = parameters["steps"], parameters["silent_steps"]
-        self.simulate, interval = options["simulate"], self.steps + self.silent
         batch, inputs = min(options["batch"], len(self.rates)), weights.shape[1]
-        self.counts, self.seen = shared((len(self.rates), len(weights)), np.int32), seen
-        self.first, self.started = shared((1,), np.int64), False
-        self.inputs, self.profiler = parameters["inputs"], None
-        if options.get("power"):
-            from lava_power import Profiler
-
-            self.profiler = Profiler(len(self.rates) * interval)
+        self.first, self.inputs = shared((1,), np.int64), parameters["inputs"]
         if self.inputs is None:
-            self.spikes = shared((batch * interval, inputs), np.uint8)
+            self.spikes = shared((batch * self.interval, inputs), np.uint8)
             self.source: Any = globals()["Spikes"](self.spikes, self.first)
         else:  # a Var cannot be set before the first step, so the first query's values are those it begins with
             begin = {"bias_mant": 0, "bias_exp": 0, "v": 0} if options["scalars"] else self.registers(0)
             self.source = LIF(shape=(inputs,), **begin, **self.inputs)
-        counter = globals()["Counter"](self.counts, interval, self.seen)
         pairs = zip(arrays.get("biases", ()), arrays.get("exponents", ()), strict=True)
         self.biases = [{"bias_mant": row, "bias_exp": np.full_like(row, exponent)} for row, exponent in pairs]
         bias = self.biases[0] if self.biases else {"bias_mant": arrays["bias"]}
         if options["scalars"]:
             bias, own = {"bias_mant": 0}, [bias] * len(self.rates) if arrays["bias"].any() else []
             self.biases = self.biases or own
-        self.exc = wire(weights, bias, parameters, (self.source, counter), self.simulate)
-        if not self.simulate:
-            start_board(counter, self.profiler.callbacks if self.profiler else [])
-        self.process = counter
+        self.exc = wire(weights, bias, parameters, (self.source, self.process), self.simulate)
+        self.start()
 
     def registers(self, query: int, before: int = 0) -> Arrays:
         """Of the inputs, ``before`` steps before a query begins: its bias leads the membrane to its phase."""
@@ -215,26 +249,16 @@ class Player:
             return draw_spikes(rates, key, self.steps)
         return regular_spikes(rates, key, self.steps, self.level)
 
-    def go(self, steps: int) -> None:
-        """Run Lava for ``steps`` steps."""
-        from lava.magma.core.run_conditions import RunSteps
-        from lava.magma.core.run_configs import Loihi2SimCfg
-
-        config = None if self.started or not self.simulate else Loihi2SimCfg(select_tag="fixed_pt")
-        self.process.run(condition=RunSteps(num_steps=steps), run_cfg=config)
-        self.started = True
-
     def present(self, start: int, end: int) -> NDArray[np.int32]:
         """Counts of the queries ``start`` .. ``end`` - 1."""
-        interval = self.steps + self.silent
         if self.inputs is None:
-            train = self.spikes[: (end - start) * interval].reshape(end - start, interval, -1)
+            train = self.spikes[: (end - start) * self.interval].reshape(end - start, self.interval, -1)
             train[:] = 0
             for row, query in zip(train, range(start, end), strict=True):
                 row[: self.steps] = self.drawn(query)
-            self.first[0] = start * interval
+            self.first[0] = start * self.interval
             if not self.biases:
-                self.go((end - start) * interval)
+                self.go((end - start) * self.interval)
         for query in range(start, end) if self.biases or self.inputs else ():
             following = min(query + 1, len(self.rates) - 1)
             self.go(self.steps)
@@ -244,10 +268,4 @@ class Player:
             self.go(self.silent)
             if self.biases and query < following:
                 write(self.exc, self.biases[following])
-        if self.seen[0] != end * interval:
-            raise Refused(
-                "run",
-                f"queries {start} to {end - 1}: the read-out covers {self.seen[0] - start * interval:,} of "
-                f"{(end - start) * interval:,} steps; run them again, and see to the board if it happens again",
-            )
-        return self.counts[start:end]
+        return self.covered(start, end)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ladder import REFERENCES
 from ways import OtherWay
 
 FIRST = ("one neuron", "one axon")
@@ -11,3 +12,9 @@ WAYS = [
     OtherWay("fresh", "runs", "every query is a run of its own, from a new network", ("reset",)),
     OtherWay("any-lava", "lava", "a lava-nc other than 0.10 is taken", ()),
 ]
+OF_PIXELS = [
+    WAYS[0]._replace(cures=REFERENCES[:1]),
+    WAYS[1]._replace(cures=()),
+    WAYS[2],
+]
+"""Of bundles that take pixels, of which there are only pictures to try: to compile the network for each takes long."""

@@ -9,6 +9,7 @@ import numpy as np
 import first_failure
 from job_folder import load_job
 from lava_network import Player, define_processes
+from lava_pixels import PixelPlayer
 from refusals import Refused
 from result_files import put
 
@@ -19,9 +20,10 @@ def work(folder: Path) -> int:
         _, options, arrays = load_job(folder)
         define_processes()
         first_failure.watch_processes(folder)
-        player = Player(arrays, options, np.memmap(folder / "steps", np.int64, "w+", shape=(1,)))
-        for start in range(0, len(arrays["rates"]), options["batch"]):
-            end = min(len(arrays["rates"]), start + options["batch"])
+        seen, n = np.memmap(folder / "steps", np.int64, "w+", shape=(1,)), len(arrays["keys"])
+        player = (PixelPlayer if "pixels" in arrays else Player)(arrays, options, seen)
+        for start in range(0, n, options["batch"]):
+            end = min(n, start + options["batch"])
             put(str(folder / f"batch-{start}.npy"), player.present(start, end))
         player.process.stop()
         if player.profiler:

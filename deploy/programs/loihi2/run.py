@@ -8,7 +8,8 @@
                                              Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out;
                                              if there are, Q/biases.npy int32 (n, neurons) and Q/exponents.npy int32
                                              (n,): mantissas and exponent of each query's biases; or, of a bundle with
-                                             gains, Q/activity.npy float32 (n, inputs) alone, of the same images
+                                             gains, Q/activity.npy float32 (n, inputs) alone, of the same images;
+                                             of one whose self-test has host/pixels.npy, Q/pixels.npy alone, uint8
     .. --ways W,W                            other ways to ask Lava, which --ladder finds and names (LAVA_VPR_WAYS)
     .. --power P                             and P, JSON: power in mW and time, all queries in one run
 
@@ -38,17 +39,20 @@ try:
 
     if __name__ == "__main__":
         look(__file__, "loihi2", sys.argv[1:])
+    import numpy as np
+
     import host
     from bundle_files import Bundle
     from lava_network import VENDOR
-    from lava_ways import INJECTED, WAYS
+    from lava_pixels import ROWS
+    from lava_ways import INJECTED, OF_PIXELS, WAYS
     from lava_worker import work
     from lifetime import keep
     from refusals import Refused
     from result_files import Results
     from rungs import Rung
     from small_network import FEW, in_mode, small_network
-    from worker_process import GRACE, run
+    from worker_process import GRACE, QUERIES, run
 except Exception as damage:
     place = os.path.dirname(os.path.abspath(__file__))
     sys.exit(f"{place}: is damaged ({damage}); deploy the model again or fetch an intact copy")
@@ -83,12 +87,20 @@ class Loihi2(host.Host):
 
     def __init__(self, bundle: Bundle, options: argparse.Namespace) -> None:
         self.parameters = bundle.json("network/parameters.json")
-        if self.parameters["inputs"] is not None:
+        if bundle.direct:
+            self.ways = OF_PIXELS
+        elif self.parameters["inputs"] is not None:
             self.ways = [INJECTED, *WAYS]
         super().__init__(bundle, options)
 
     def require(self) -> dict[str, Any]:
         """See to Lava, and that power can be measured, which is done over one run."""
+        if self.options.power and self.bundle.direct:
+            raise Refused(
+                "input",
+                "--power needs all queries in one run, but the pixels of this bundle are written between runs; leave "
+                "out --power",
+            )
         if self.options.power and self.bundle.manifest["network"].get("bias_input"):
             raise Refused(
                 "input",
@@ -100,7 +112,8 @@ class Loihi2(host.Host):
 
     def ready(self) -> str:
         """There is no more to see to."""
-        return f"ready: {self.neurons} neurons, {self.inputs} inputs; {self.require()['lava']}"
+        inputs = f"{self.inputs} {'cells that they hear' if self.bundle.direct else 'inputs'}"
+        return f"ready: {self.neurons} neurons, {inputs}; {self.require()['lava']}"
 
     def present(self, arrays: host.Arrays, results: Results) -> None:
         """Present all queries in a process of its own."""
@@ -109,7 +122,11 @@ class Loihi2(host.Host):
                 "input",
                 "--power needs all queries in one run, which biases of each query interrupt; leave out biases.npy",
             )
-        network = {name: self.bundle.array(f"network/{name}.npy") for name in ("weights", "bias")}
+        names = ["weights", "bias"]
+        if self.bundle.direct:
+            names = [f"{one['name']}/{part}" for one in self.parameters["synapses"] for part in ROWS]
+            arrays = {**arrays, "keys": np.zeros(len(arrays["pixels"]), np.uint64)}
+        network = {name: self.bundle.array(f"network/{name}.npy") for name in names}
         self._run(self.parameters, network | arrays, results)
 
     def _run(self, parameters: dict[str, Any], arrays: host.Arrays, results: Results) -> None:
@@ -120,9 +137,8 @@ class Loihi2(host.Host):
         if self.options.power and self.taken & {"fresh", "scalars"}:
             raise Refused("input", "--power needs all queries in one run; leave out --ways fresh and scalars")
         if "fresh" in self.taken:
-            queries = ("rates", "keys", "biases", "exponents")
             every = [
-                {name: array[i : i + 1] if name in queries else array for name, array in arrays.items()}
+                {name: array[i : i + 1] if name in QUERIES else array for name, array in arrays.items()}
                 for i in range(len(arrays["keys"]))
             ]
         first = 0
@@ -130,8 +146,14 @@ class Loihi2(host.Host):
             run(parameters, given, self.options, results, first, "scalars" in self.taken)
             first += len(given["keys"])
 
+    def plain(self) -> list[Rung]:
+        """None of networks that take pixels: what rungs show needs inputs that have rates."""
+        return [] if self.bundle.direct else super().plain()
+
     def further(self) -> list[Rung]:
         """Some rungs in the other input mode, whichever the bundle has."""
+        if self.bundle.direct:
+            return []
         other = "injected" if self.parameters["inputs"] else "integrated biases"
         return [rung._replace(name=f"{rung.name}, {other}") for rung in self.plain() if rung.name in FEW]
 

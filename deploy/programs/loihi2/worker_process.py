@@ -25,9 +25,12 @@ from lava_network import Arrays
 from refusals import Refused
 from result_files import Results, put
 
+QUERIES = ("pixels", "rates", "keys", "biases", "exponents")
+"""Arrays of queries, a row for each."""
 LOOK, GRACE, START_SECONDS = 0.02, 3.0, 600.0  # seconds; Intel's compiler may take minutes
 KEPT = 4000  # characters of what a run that failed wrote
-SLOWEST, FOLDER_LIMIT = 40.0, 75  # steps a second; bytes, as Lava adds 32 and a socket's path holds 107
+SLOWEST, SLOWEST_PIXELS = 40.0, 4.0  # steps a second; of a network from pixels on
+FOLDER_LIMIT = 75  # bytes, as Lava adds 32 and a socket's path holds 107
 
 
 @contextlib.contextmanager
@@ -79,8 +82,7 @@ def run(
 
     Args:
         parameters: Of the network, as the bundle has them.
-        arrays: Weights and bias of the network; rates and keys of the queries, and their biases and exponents if they
-            bring any.
+        arrays: Those of the network; those of the queries (`QUERIES`), keys among them.
         args: The command line.
         results: Where answers are kept.
         first: The number of the first query there.
@@ -90,17 +92,17 @@ def run(
     if not n:
         return
     if scalars:  # a query before the first, in which nothing spikes and after which all values are set
-        given = ("rates", "keys", "biases", "exponents")
-        arrays = {k: np.concatenate([0 * a[:1], a]) if k in given else a for k, a in arrays.items()}
+        arrays = {k: np.concatenate([0 * a[:1], a]) if k in QUERIES else a for k, a in arrays.items()}
         n, first = n + 1, first - 1
     args.batch = n if args.power else args.batch
     options = {"batch": args.batch, "simulate": args.simulate, "power": bool(args.power), "parameters": parameters}
     options["scalars"] = scalars
     interval = int(parameters["steps"] + parameters["silent_steps"])
+    slowest = SLOWEST_PIXELS if "pixels" in arrays else SLOWEST
     with job(arrays, options) as folder, started(folder) as worker:
         for start in range(0, n, args.batch):
             end = min(n, start + args.batch)
-            seconds = args.timeout or (START_SECONDS if start == 0 else 60) + (end - start) * interval / SLOWEST
+            seconds = args.timeout or (START_SECONDS if start == 0 else 60) + (end - start) * interval / slowest
             wait(worker, folder, f"batch-{start}.npy", seconds, f"queries {start} to {end - 1}")
             for number, row in enumerate(array_of(read(str(folder), f"batch-{start}.npy")), first + start):
                 if number >= first + scalars:
