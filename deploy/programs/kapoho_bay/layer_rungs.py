@@ -63,12 +63,17 @@ class LayerRung(NamedTuple):
         return counts
 
 
-def layer_rungs(steps: int) -> List[LayerRung]:
-    """A rung for each layer of the front end, for presentations with so many ``steps`` of input."""
+def layer_rungs(steps: int, heard: bool = False) -> List[LayerRung]:
+    """A rung for each layer of the front end, for presentations with so many ``steps`` of input.
+
+    Where neurons of places hear its cells (``heard``), they have a rung, too.
+    """
     once, later, lasting = (*SUMMING, AT_ONCE), (*SUMMING, SUMMED), (*LASTING, 500)
     pixel, pair, pool, cell = (*SUMMING, 300), (*SUMMING, 1), (*SUMMING, 4), (*REPEATING, 8)
+    place, root = (0, 341, 400), (*SUMMING, 3)
     sources, twice = [once, later, once], [[BEGIN, LATER, NEVER]] * 2
     taken = [(3, 3, -16), (4, 4, -16)]  # of two cells, from their own currents
+    ended = [(6, 3, SILENCE), (6, 4, SILENCE)]  # of neurons of places, by the neuron that ends a rung
 
     def rung(
         layer: str,
@@ -82,11 +87,19 @@ def layer_rungs(steps: int) -> List[LayerRung]:
         """With the synapses of neurons that spike once, watchers, and the neuron that ends these."""
         end = len(neurons)
         every = neurons + [(*SUMMING, max(1, steps - ENDING))] + [once for _ in watched]
-        silenced = [(i, i, SILENCE) for i in range(end + 1) if every[i] != cell]
+        silenced = [(i, i, SILENCE) for i in range(end + 1) if every[i] not in (cell, place, root)]
         watching = [(source, w, SILENCE) for w, i in enumerate(watched, end + 1) for source in (i, end)]
         given = [row + [0] * (end - len(row)) + [1] + [BEGIN for _ in watched] for row in biases]
         return LayerRung(layer, proves, failure, every, synapses + silenced + watching, given)
 
+    places = rung(
+        "exc",
+        "a current that lasts keeps a leaking neuron spiking, inhibition lasts, and one synapse ends both",
+        "leaks are not those of dv, inhibition does not last, or neurons spike beyond the end of a query",
+        [*sources, place, place, root],
+        [(0, 3, 127), (1, 4, 100), *[(i, 5, 4) for i in (3, 4)], *[(5, i, -9) for i in (3, 4)], *ended],
+        twice,
+    )
     return [
         rung(
             "clock",
@@ -149,4 +162,4 @@ def layer_rungs(steps: int) -> List[LayerRung]:
             [(0, 3, 112), (0, 4, 112), *taken, (3, 5, 1), (4, 5, 1), (5, 3, -127), (5, 4, -127)],
             twice,
         ),
-    ]
+    ] + [places] * heard

@@ -129,7 +129,7 @@ class KapohoBay(host.Host):
         front end."""
         if self.network.direct:
             self.layers = layer_forms(self.network)
-            return list(layer_rungs(self.network.steps))
+            return list(layer_rungs(self.network.steps, heard=True))
         bits, signed, size, exponent = self.bundle.numbers("bits", "signed", "inhibition", "inhibition_exponent")
         self.forms = formats_of(self.network)
         self.own = format_rungs(self.forms, bits, bool(signed), size << exponent)

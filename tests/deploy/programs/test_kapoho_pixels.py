@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from support.boards.host_programs import Made, answers, write_bundle
-from support.boards.kapoho_board import Board, edited
+from support.boards.kapoho_board import Board, climb_here, edited
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.folder import array_bytes
@@ -93,10 +93,18 @@ def test_its_counts_are_the_host_engines(board: Board, made: Made, tmp_path: Pat
 def test_the_ladder_has_rungs_of_the_layers_then_pictures(board: Board, made: Made, tmp_path: Path) -> None:
     ended = board.run(made, "--ladder", tmp_path / "ladder.json")
     assert (ended.code, ended.err) == (0, ""), ended.out
-    assert [line.split(": ")[0] for line in ended.out.splitlines()[:-1]] == ["ok front end"] * 7 + [
+    assert [line.split(": ")[0] for line in ended.out.splitlines()[:-1]] == ["ok front end"] * 8 + [
         "ok one reference",
         "ok all references",
     ]
+
+
+@pytest.mark.parametrize("decay", ["decayU=4095", "decayV=0"])
+def test_the_rung_of_neurons_of_places_tells_what_decays(board: Board, made: Made, decay: str) -> None:
+    changed = f"configure(**dict(profile, {decay}))"
+    report = climb_here(edited(board, made, "board_device.py", "configure(**profile)", changed), made, "front end: exc")
+    assert [row["passed"] for row in report["rungs"]] == [False]
+    assert climb_here(board, made, "front end: exc")["passed"]
 
 
 CHIP, INPUT = "embedded.c", "board_input.py"

@@ -40,7 +40,7 @@ def test_there_is_one_for_each_layer_and_none_without(board: Board, tmp_path: Pa
 def test_their_counts_are_the_general_simulators(program: Any, steps: int) -> None:
     """Each neuron is a population there, reset at the start of a presentation."""
     silent = 3
-    for rung in program.layer_rungs.layer_rungs(steps):
+    for rung in program.layer_rungs.layer_rungs(steps, heard=True):
         n, interval, mantissas = len(rung.neurons), steps + silent, np.array(rung.biases)
         neurons = tuple(
             Population(np.array([threshold]), mantissas[:, [i]], np.full((2, 1), 6), LifParameters(du, dv), interval)
