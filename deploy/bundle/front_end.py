@@ -46,11 +46,12 @@ def whole_of(model: IntegerModel, *, counted: bool = True) -> WholeNetwork:
     return WholeNetwork.of(spec, model.network, counted=counted)
 
 
-def front_end_of(model: Model) -> FrontEnd | None:
-    """The front end that a bundle of ``model`` holds, with the network that hears its cells; None: it has none."""
+def front_end_of(model: Model, *, counted: bool = True) -> FrontEnd | None:
+    """The front end that a bundle of ``model`` holds, with the network that hears its cells and, if they are
+    ``counted``, counters; None: it has none."""
     if model.config.encoder.direct is None:
         return model.config.encoder.front_end
-    return whole_of(integer_model(model, "a bundle"))
+    return whole_of(integer_model(model, "a bundle"), counted=counted)
 
 
 FrontEndPlayer = Callable[[NDArray[np.uint8]], Mapping[str, NDArray[np.uint8]]]

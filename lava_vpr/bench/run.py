@@ -111,14 +111,18 @@ class Work:
         Raises:
             InputError: the queries' pixels were not kept.
         """
-        spec, images = front_end_of(self.queries.model), self.queries.images
-        if spec is None:
-            return {}
+        images, found = self.queries.images, dict[str, FrontEndCosts]()
+        if self.queries.model.config.encoder.front_end is None:
+            return found
         self.begin("counting the front end", 1)
         n = len(images)
         chosen = np.linspace(0, n - 1, min(n, SEEN)).round().astype(np.int64)
         grey = images.kept(Keep.GREY, "counting the front end")[chosen]
-        return {name: front_end_costs(spec, placed(spec, BOARDS[name]), grey) for name in self.request.boards}
+        for board in (BOARDS[name] for name in self.request.boards):
+            spec = front_end_of(self.queries.model, counted=board.counters)
+            if spec is not None:
+                found[board.name] = front_end_costs(spec, placed(spec, board), grey)
+        return found
 
     @cached_property
     def plans(self) -> dict[str, Plan | str]:

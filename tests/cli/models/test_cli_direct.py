@@ -84,6 +84,7 @@ def test_bench_counts_pixels_to_places(direct: Path) -> None:
     assert costs["registers"]["counts of exc"] == PLACES
     assert costs["layers"]["exc"]["spikes"] > 0
     assert costs["layers"]["counters"]["spikes"] == 0
+    assert "counters" not in values["front_end"]["loihi2"]["layers"]
     board = values["energy"]["kapoho-bay"]
     summed = sum(one["nominal"] for part in ("dynamic", "between") for one in costs[f"{part}_microjoules"].values())
     assert board["dynamic_microjoules"]["nominal"] == pytest.approx(summed)
