@@ -96,8 +96,8 @@ PROOFS: Mapping[str, Sequence[Proof]] = {
         ),
         Proof(
             "registers of bundles for Kapoho Bay in nengo-loihi's emulator, every spike and counter: 100 and 500 real "
-            "places, the gains of a drive, the spiking front end from pixels on, and pixels to places in one run are among "
-            "them",
+            "places, the gains of a drive, the spiking front end from pixels on, and pixels to places in one run are "
+            "among them",
             "python -m benchmarks oracles.registers",
             r"(\d+ bundles), (\S+ spikes)",
         ),
