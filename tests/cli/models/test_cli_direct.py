@@ -76,6 +76,17 @@ def test_a_bundle_counts_as_the_host_from_its_files_alone(direct: Path) -> None:
     assert answers("--places", "0:3", "--backend", "bundle") == answers("--places", "0:3")
 
 
+def test_a_bundle_for_loihi_2_counts_as_the_host_from_its_files_alone(direct: Path) -> None:
+    said = run("deploy", "d.lvpr", "--target", "loihi2", "-o", "b", "--json", "d.json").stdout
+    assert "it takes 53 steps, and neurons are reset every 64." in " ".join(said.split())
+    assert json.loads(Path("d.json").read_text())["target"] == "loihi2"
+    run("verify", "b", "query", "--limit", "2", "--backend", "bundle", "--json", "v.json")
+    backends = json.loads(Path("v.json").read_text())["backends"]
+    assert backends["bundle"]["equal"] is True
+    assert backends["bundle"]["spikes_by_population"] == backends["host"]["spikes_by_population"]
+    assert backends["bundle"]["spikes_decided"] > 0
+
+
 def test_bench_counts_pixels_to_places(direct: Path) -> None:
     run("bench", "d.lvpr", "query", "--backend", "host", "--json", "b.json", "--limit", "3")
     values = json.loads(Path("b.json").read_text())
