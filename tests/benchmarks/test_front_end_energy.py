@@ -41,6 +41,8 @@ def test_a_front_end_on_the_board_is_not_below_the_best_way_on_a_processor() -> 
     kept = read("front-end-energy")
     whole = {row[0]: float(row[kept.columns.index("a whole query")].split()[0].replace(",", "")) for row in kept.rows}
     boards = [name for name in whole if name.endswith(", Kapoho Bay")]
-    assert [name.split(",")[0] for name in boards] == ["`frontend`", "`frontend-events`"]
-    for name in boards:
+    frames, direct, events = boards
+    assert [name.split(",")[0] for name in boards] == ["`frontend`", "`frontend-direct`", "`frontend-events`"]
+    for name in (frames, events):
         assert whole[name] > whole[name.replace("Kapoho Bay", "`cosine` of `orientation`")]
+    assert whole[frames] > whole[direct] > whole[frames.replace("Kapoho Bay", "`cosine` of `orientation`")]
