@@ -106,9 +106,10 @@ def test_bench_counts_pixels_to_places(direct: Path) -> None:
     [
         (("eval", "d.lvpr", "query", "--adapt", "5"), f"--adapt needs rates of inputs, but {ELSEWHERE}; train with"),
         (("eval", "d.lvpr", "query", "--learn", "--motion", "any"), f"--learn needs rates of inputs, but {ELSEWHERE}"),
-        (
+        pytest.param(
             ("eval", "d.lvpr", "query", "--backend", "lava-fused"),
             f"lava-fused takes inputs that have rates, but {ELSEWHERE}",
+            marks=pytest.mark.lava,
         ),
         (("export", "d.lvpr", "-o", "d.nir"), f"d.lvpr: format nir takes inputs that have rates, but {ELSEWHERE}"),
         (
