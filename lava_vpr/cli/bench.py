@@ -141,7 +141,7 @@ def _refuse(model: Model, path: Path, request: Request) -> None:
 def _tell(found: Bench, results: WrittenFiles, page: Path | None) -> None:
     """Write the files, then print the tables: whoever reads these may go away."""
     from lava_vpr.bench.show.json_values import as_json
-    from lava_vpr.bench.show.tables import on_terminal
+    from lava_vpr.bench.show.terminal import on_terminal
 
     def drawn() -> str:
         from lava_vpr.bench.show.page import page as page_of  # matplotlib takes a second to be imported

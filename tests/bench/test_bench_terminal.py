@@ -31,6 +31,7 @@ def test_recall_comes_first_and_what_is_modelled_says_so() -> None:
     assert re.search(r"its chips wait for host I/O, modelled \| 1,000 \(0 to 7,000\) \| - \| - \|", details), details
     assert re.search(r"host I/O, apart, ms: injected \(in use\) \| 1\.00 \| 13\.9 \|", details)
     assert "absent: loihi2, modelled energy and time: no energy per operation" in text
+    assert text.strip().splitlines()[-1].startswith("parts of energy and time, counted events, thresholds and workload")
 
 
 def test_every_modelled_figure_stands_below_the_word() -> None:

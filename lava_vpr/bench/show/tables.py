@@ -1,4 +1,4 @@
-"""Every table of `lava-vpr bench`, once, as plain text cells: the terminal and the page only render them.
+"""Every table of `lava-vpr bench`, once, as plain text cells: terminal and page only render them (`terminal`: shorter).
 
 Whatever the cost model says stands in a row or column whose heading says "modelled".
 """
@@ -22,7 +22,7 @@ from lava_vpr.bench.results import (
     Workload,
 )
 from lava_vpr.bench.show import front_end
-from lava_vpr.bench.show.json_values import PERCENTILES, absent, counts, percentiles
+from lava_vpr.bench.show.json_values import PERCENTILES, counts, percentiles
 from lava_vpr.bench.show.sources import anchors, constants, timed
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.constants import HOST_POWER, Estimate
@@ -36,7 +36,7 @@ _WAYS = {
     "sad": "SAD, no network",
     "hog": "HOG, no network",
 }
-_WATTS = "{:g} W ({:g} to {:g})".format(*(HOST_POWER.at(level) / 1e3 for level in ("nominal", "low", "high")))
+WATTS = "{:g} W ({:g} to {:g})".format(*(HOST_POWER.at(level) / 1e3 for level in ("nominal", "low", "high")))
 
 WHOLE, WITHOUT_ENCODING, DYNAMIC = "a whole query", "all but the encoding", "board, dynamic, modelled"
 _ENERGIES: tuple[tuple[str, Callable[[AnsweringWay], Estimate | None]], ...] = (
@@ -51,7 +51,7 @@ _ENERGIES: tuple[tuple[str, Callable[[AnsweringWay], Estimate | None]], ...] = (
 
 _ENERGY_NOTE = (
     "Nominal (low to high). Board: modelled, all its chips, used or not. Processor: median time of single queries on "
-    f"one thread of this machine, measured, times an assumed {_WATTS}. Its idle power, packing for USB, and a camera "
+    f"one thread of this machine, measured, times an assumed {WATTS}. Its idle power, packing for USB, and a camera "
     "are in no figure."
 )
 
@@ -106,9 +106,9 @@ def asked(row: QueryVariants) -> Table:
         cells.append(_exactly(f"{title}: presentations", f"{board.presentations:,}"))
         cells.append(_exactly(f"{title}: registers written", f"{board.registers:,}"))
         if board.dynamic_microjoules is not None:
-            cells.append(_levels(f"{title}: dynamic energy, uJ, modelled", board.dynamic_microjoules))
-            cells.append(_levels(f"{title}: time on the chip, ms, modelled", board.milliseconds))
-            cells.append(_levels(f"{title}: host I/O, apart, ms, modelled", board.io_milliseconds))
+            cells.append(estimated(f"{title}: dynamic energy, uJ, modelled", board.dynamic_microjoules))
+            cells.append(estimated(f"{title}: time on the chip, ms, modelled", board.milliseconds))
+            cells.append(estimated(f"{title}: host I/O, apart, ms, modelled", board.io_milliseconds))
     how = f"in {row.views} views" if row.views > 1 else "in one view"
     if row.adapted is not None:
         gained = "" if row.adapt is not None else " and gains"
@@ -175,7 +175,7 @@ def on_boards(rows: Sequence[Measured]) -> Table:
     return Table(("figure", *boards), cells, (note,), "measured on a board")
 
 
-def _levels(name: str, value: Estimate | None) -> tuple[str, ...]:
+def estimated(name: str, value: Estimate | None) -> tuple[str, ...]:
     """A row with a column for each level of an estimate."""
     return (name, *levels(value))
 
@@ -197,7 +197,7 @@ def _clearing(clearing: dict[str, Any]) -> Iterable[tuple[str, ...]]:
     ):
         value = clearing.get(key)
         if isinstance(value, Estimate):
-            yield _levels(text, value)
+            yield estimated(text, value)
         elif value is not None:
             yield _exactly(text, f"{value:,}")
 
@@ -212,20 +212,20 @@ def modelled(costs: Modelled, figures: BoardFigures) -> Table:
     parts = sorted(figures.dynamic_by_component.items(), key=lambda item: -item[1].nominal)
     static, in_use = f"static energy, apart, mJ ({costs.chips} chips)", next(iter(figures.io_milliseconds_by_way))
     rows = [
-        _levels("dynamic energy, uJ", figures.dynamic_microjoules),
-        *(_levels(f"  {named(name)}", value) for name, value in parts),
-        _levels("time on the chip, ms", figures.milliseconds),
-        _levels("  one step, us", figures.step_microseconds),
-        _levels(f"{static}, time on the chip", figures.static_millijoules),
+        estimated("dynamic energy, uJ", figures.dynamic_microjoules),
+        *(estimated(f"  {named(name)}", value) for name, value in parts),
+        estimated("time on the chip, ms", figures.milliseconds),
+        estimated("  one step, us", figures.step_microseconds),
+        estimated(f"{static}, time on the chip", figures.static_millijoules),
     ]
     for way, value in figures.io_milliseconds_by_way.items():
-        rows.append(_levels(f"host I/O, apart, ms: {way}{' (in use)' if way == in_use else ''}", value))
+        rows.append(estimated(f"host I/O, apart, ms: {way}{' (in use)' if way == in_use else ''}", value))
     for way, value in figures.io_microjoules_by_way.items():
         use = "in use, contained above" if way == in_use else "instead"
-        rows.append(_levels(f"input on the chip, uJ: {way} ({use})", value))
+        rows.append(estimated(f"input on the chip, uJ: {way} ({use})", value))
     rows += [
-        _levels("time with host I/O, ms (high: nothing overlaps)", figures.wall_milliseconds),
-        _levels(f"{static}, that time", figures.wall_static_millijoules),
+        estimated("time with host I/O, ms (high: nothing overlaps)", figures.wall_milliseconds),
+        estimated(f"{static}, that time", figures.wall_static_millijoules),
         *_clearing(costs.clearing),
     ]
     return Table(
@@ -233,11 +233,11 @@ def modelled(costs: Modelled, figures: BoardFigures) -> Table:
         columns=("modelled", "modelled low", "modelled nominal", "modelled high"),
         rows=rows,
         strong=frozenset({0, 1 + len(parts)}),
-        notes=(f"Modelled, not measured. {_in_use(costs)}{_busy(figures.busiest)}",),
+        notes=(f"Modelled, not measured. {cores_in_use(costs)}{_busy(figures.busiest)}",),
     )
 
 
-def _in_use(costs: Modelled) -> str:
+def cores_in_use(costs: Modelled) -> str:
     """Cores and tiles in use."""
     cores = "1 core" if costs.cores == 1 else f"{costs.cores} cores"
     if costs.tiles is None:
@@ -345,7 +345,7 @@ def workload(metrics: Workload) -> Table:
     return Table(("metric", "value"), rows, title="workload metrics by NeuroBench's definitions")
 
 
-def _heading(name: str) -> str:
+def heading(name: str) -> str:
     """How a column calls the way ``name``, which may be adapted."""
     way, comma, adapted = name.partition(", ")
     return _WAYS.get(way, title_of(way).partition(" (")[0]) + comma + adapted
@@ -361,14 +361,14 @@ def energy(
         titles: Their headings; None: by their names.
         pixels: Width and height of the images; None: they are vectors.
     """
-    heads = titles or [_heading(way.name) for way in ways]
+    heads = titles or [heading(way.name) for way in ways]
     images = "" if pixels is None else f", images of {pixels[0]} x {pixels[1]} pixels"
     rows = [("R@1, percent", *(percent(way.recall) for way in ways))]
     rows += [(name, *(ranged(of(way)) for way in ways)) for name, of in _ENERGIES if any(of(way) for way in ways)]
     times = (("processor's time, ms: match or its part", "work"), ("processor's time, ms: encoding", "encoding"))
     rows += [(text, *(figure(getattr(way, f"{name}_milliseconds")) for way in ways)) for text, name in times]
     return Table(
-        title=f"energy of a query, all of it, uJ: a processor of {_WATTS}{images}",
+        title=f"energy of a query, all of it, uJ: a processor of {WATTS}{images}",
         columns=("energy, uJ", *heads),
         rows=tuple(rows) if ways else (),
         strong=frozenset(k for k, row in enumerate(rows) if row[0] in (WHOLE, WITHOUT_ENCODING)),
@@ -376,69 +376,26 @@ def energy(
     )
 
 
-def _asked_for(bench: Bench) -> list[Table]:
+def asked_for(bench: Bench) -> list[Table]:
     """Tables of what not every run has: other ways to ask a query, gains, a spiking front end."""
     found = [] if bench.asked is None else [asked(bench.asked)]
     found += [] if bench.gains is None else [gains(bench.gains, bench.images)]
     return found + [table for costs in bench.front_end.values() for table in front_end.tables(costs)]
 
 
-def sections(bench: Bench, page: bool = True) -> dict[str, tuple[Table, ...]]:
-    """All tables with rows, by section, in the terminal's order; only a page has what was timed, anchors, constants."""
+def sections(bench: Bench) -> dict[str, tuple[Table, ...]]:
+    """All tables with rows, by section of a page."""
     on_board = (modelled(costs, costs.figures) for costs in bench.targets.values() if costs.figures)
     tables_of: dict[str, tuple[Table, ...]] = {
         "recall": (recall(bench),),
         "probability": (thresholds(bench),),
         "energy": (energy(bench.energy, pixels=bench.pixels),),
-        "measured": (timings(bench.measured), on_boards(bench.measured)),
-        "modelled": (*on_board, counted(bench), *_asked_for(bench)),
+        "measured": (timings(bench.measured), on_boards(bench.measured), timed(bench.measured)),
+        "modelled": (*on_board, counted(bench), *asked_for(bench)),
         "workload": () if bench.workload is None else (workload(bench.workload),),
         "peers": (peers(bench.peers),),
         "sweep": (sweep(bench.sweep, bench.energy),),
+        "anchors": (anchors(),),
+        "model": (constants(),),
     }
-    if page:
-        tables_of["measured"] += (timed(bench.measured),)
-        tables_of |= {"anchors": (anchors(),), "model": (constants(),)}
     return {name: tuple(table for table in chosen if table.rows) for name, chosen in tables_of.items()}
-
-
-def energy_in_brief(ways: Sequence[AnsweringWay]) -> Table:
-    """All the energy of a query by each way to answer it, a row a way, without its parts."""
-    rows = []
-    for way in ways:
-        board = "" if way.dynamic is None else ", partly modelled"
-        rows.append((_heading(way.name) + board, percent(way.recall), ranged(way.whole)))
-    notes = (
-        f"Nominal (low to high). Processor: time measured here, at an assumed {_WATTS}.",
-        "Board: modelled, not measured.",
-    )
-    return Table(("a whole query", "R@1, percent", "energy, uJ"), rows, notes, "energy of a query, all of it")
-
-
-def modelled_in_brief(costs: Modelled, figures: BoardFigures) -> Table:
-    """The costs of a query on a board, without their parts."""
-    rows = (
-        _levels("dynamic energy, uJ", figures.dynamic_microjoules),
-        _levels("time on the chip, ms", figures.milliseconds),
-        _levels("  one step, us", figures.step_microseconds),
-        _levels("time with host I/O, ms", figures.wall_milliseconds),
-        _levels("static energy of that time, mJ", figures.wall_static_millijoules),
-    )
-    heads = ("modelled, not measured", "low", "nominal", "high")
-    return Table(
-        heads, rows, (_in_use(costs),), f"modelled for {title_of(costs.target)}: a query of {costs.steps} steps"
-    )
-
-
-def on_terminal(bench: Bench) -> list[Table | str]:
-    """Tables in order: recall first, the energy of a query, what was measured, what is modelled, what an option asked
-    for; then lines for what is lacking, and where the details are."""
-    every = sections(bench, page=False)
-    brief = [modelled_in_brief(costs, costs.figures) for costs in bench.targets.values() if costs.figures]
-    shown = [*every["recall"], energy_in_brief(bench.energy), *every["measured"], *brief, *_asked_for(bench)]
-    shown += [*every["peers"], *every["sweep"]]
-    return [
-        *(table for table in shown if table.rows),
-        *(f"absent: {row['what']}: {row['reason']}" for row in absent(bench)),
-        "parts of energy and time, counted events, thresholds and workload metrics: --report DIR or --json FILE",
-    ]

@@ -24,7 +24,7 @@ from lava_vpr.bench.results import (
     Workload,
     on_board,
 )
-from lava_vpr.bench.show.tables import on_terminal
+from lava_vpr.bench.show.terminal import on_terminal
 from lava_vpr.cli.common import PlainConsole
 from lava_vpr.deploy.boards.constants import Estimate
 from lava_vpr.matching.answers import Answers, Together
