@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import ConductanceNetwork, Config
-from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference import counting
 from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
@@ -426,10 +426,10 @@ def spike_trains(
     bias: NDArray[np.int32] | None = None,
     threads: int = 1,
 ) -> Trains:
-    """Every spike of many presentations to ``network``, by the host engine; arguments as in `fixed.count_spikes`."""
-    _, _, exc = fixed.count_spikes(network, rates, keys, bias=bias, threads=threads, raster=True)
+    """Every spike of many presentations to ``network``, by the host engine; arguments as in `counting.count_spikes`."""
+    _, _, exc = counting.count_spikes(network, rates, keys, bias=bias, threads=threads, raster=True)
     if network.direct:
         inputs = burst_trains(rates, network.interval)
     else:
         inputs = draw_trains(rates, keys, network.steps, network.interval, regular=network.regular)
-    return Trains(exc, inputs, fixed.inhibitory_spikes(network, exc))
+    return Trains(exc, inputs, counting.inhibitory_spikes(network, exc))

@@ -34,7 +34,7 @@ from benchmarks.program import BenchmarkTable, Printed, elapsed, program, turns
 from lava_vpr.backends.interface import query_presentations
 from lava_vpr.config import preset
 from lava_vpr.encoding import Keep, encode_traverse
-from lava_vpr.engine.inference.fixed import count_spikes
+from lava_vpr.engine.inference.counting import count_spikes
 from lava_vpr.model import integer_model
 from lava_vpr.show.numbers import figure, size
 from lava_vpr.storage.writing import temporary_folder

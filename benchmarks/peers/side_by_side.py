@@ -46,7 +46,7 @@ from lava_vpr.encoding import (
     rates16,
 )
 from lava_vpr.engine.conductance.model import ConductanceState, count_spikes, initial_state, train_presentation
-from lava_vpr.engine.inference import fixed, quantise
+from lava_vpr.engine.inference import counting, quantise
 from lava_vpr.engine.inference.surroundings import Shown
 from lava_vpr.engine.learning import stdp
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys
@@ -91,7 +91,7 @@ class Loihi:
 
     def test(self, q: int) -> None:
         """Shows an image to the quantised network."""
-        fixed.count_spikes(self.network, self.query_rates[q : q + 1], self.keys[q : q + 1])
+        counting.count_spikes(self.network, self.query_rates[q : q + 1], self.keys[q : q + 1])
 
 
 def rates_per_step(images: NDArray[np.uint8], config: Config) -> NDArray[np.uint32]:

@@ -34,7 +34,8 @@ from lava_vpr.deploy.bundle.compression import Changes, for_board
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.encoding import draw_trains
-from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork, count_spikes, inhibitory_spikes
+from lava_vpr.engine.inference.counting import count_spikes, inhibitory_spikes
+from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork
 from lava_vpr.engine.inference.quantise import RATE_UNIT, biases_of
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import image_keys, presentation_keys

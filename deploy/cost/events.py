@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.event_kernels import KINDS, Counts, Routes, count_presentation
 from lava_vpr.deploy.mapping.partition import tiles
-from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference import counting, fixed
 from lava_vpr.engine.inference.membranes import membranes
 from lava_vpr.engine.presentations import Trains
 
@@ -181,7 +181,7 @@ def count_events(
         raise ValueError("trains hold no input spikes, or are not those of the plan's network")
     where, shape = routes(plan, entry), (*exc.shape[:2], len(plan.cores))
     counted = np.zeros((*shape, len(KINDS)), np.int64)
-    inh = fixed.inhibitory_spikes(network, _bits(exc))
+    inh = counting.inhibitory_spikes(network, _bits(exc))
     for query, (spikes, fired, pulled) in enumerate(zip(_bits(inputs), _bits(exc), inh, strict=True)):
         own = network.bias if bias is None else np.ascontiguousarray(bias[query])
         replayed, where = membranes(network, spikes, pulled, own), where._replace(biased=(own != 0).astype(np.uint8))

@@ -20,7 +20,7 @@ from lava_vpr.deploy.bundle.core_files import BundleSpikes
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.folder import ReadBundle
 from lava_vpr.deploy.bundle.targets import TARGETS, open_whole
-from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference import counting
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError, BundleError, InputError, shown
 from lava_vpr.inputs.encoder import Keep
@@ -144,7 +144,7 @@ class KapohoBayBackend:
             how: dict[str, Any] = {"bias": shown.bias, "pixels": shown.grey, "advance": self.advance}
             counts = board_program.run_bundle(bundle, shown.rates, shown.keys, **how)
         # The board is sent what the host draws, so the host's engine can tell the events.
-        _, events, _ = fixed.count_spikes(network, shown.rates, shown.keys, bias=shown.bias)
+        _, events, _ = counting.count_spikes(network, shown.rates, shown.keys, bias=shown.bias)
         return counts, events
 
     def trains(self, model: Model, shown: Presentations) -> Trains:

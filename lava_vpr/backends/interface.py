@@ -17,7 +17,7 @@ from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import query_rates, spike_trains
 from lava_vpr.engine.blocks import Block, in_blocks, of_conductances, of_integers
 from lava_vpr.engine.conductance.model import ConductanceState
-from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference import counting
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.whole import WholeNetwork
 from lava_vpr.engine.presentations import Trains
@@ -72,7 +72,7 @@ def events_of(
     """
     operations = inputs @ network.prepared.row_sizes
     raw = np.array([operations, inputs.sum(), counts.sum(), inh[:-1].sum(), inh[-1]], np.int64)
-    return fixed.named_events(network, raw, len(counts))
+    return counting.named_events(network, raw, len(counts))
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from lava_vpr.config import Config
 from lava_vpr.configfile import to_dict
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.conductance.model import ConductanceState
-from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference import counting
 from lava_vpr.engine.inference.whole import WholeNetwork, settings_of
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import BackendUnavailableError
@@ -68,7 +68,7 @@ class LavaBackend:
         results = self._run(model, shown, record=False)
         counts = results["counts"].astype(np.int32)
         if "events" in results:
-            return counts, dict(zip(fixed.EVENTS, (int(x) for x in results["events"]), strict=True))
+            return counts, dict(zip(counting.EVENTS, (int(x) for x in results["events"]), strict=True))
         network = checked_network(model, self.name)
         return counts, events_of(network, counts, results["input_spikes"], results["inh_spikes"])
 

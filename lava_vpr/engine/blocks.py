@@ -14,7 +14,7 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.conductance.model import ConductanceState
-from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference import counting
 from lava_vpr.engine.inference.fixed import FixedNetwork
 
 BLOCK = 128
@@ -52,11 +52,11 @@ Count = Callable[[N, Block, int], Counted]
 
 
 def of_integers(network: FixedNetwork, block: Block, threads: int) -> Counted:
-    """Counts by the integer network; see `fixed.count_spikes`."""
+    """Counts by the integer network; see `counting.count_spikes`."""
     if block.kept is not None:
         weights, bias = network.weights[:, block.kept], network.bias[block.kept]
         network = replace(network, weights=np.ascontiguousarray(weights), bias=np.ascontiguousarray(bias))
-    return fixed.count_spikes(network, block.rates, block.keys, bias=block.bias, threads=threads)[:2]
+    return counting.count_spikes(network, block.rates, block.keys, bias=block.bias, threads=threads)[:2]
 
 
 def of_conductances(network: tuple[ConductanceState, Config], block: Block, threads: int) -> Counted:

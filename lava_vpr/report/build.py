@@ -11,7 +11,7 @@ from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.configfile import to_toml
 from lava_vpr.encoding import EncodedTraverse, query_rates16
 from lava_vpr.engine.gains import Season
-from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference import counting
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.inputs.encoder import INPUTS, Keep
 from lava_vpr.matching.answers import Answers
@@ -188,7 +188,7 @@ def _rasters(model: Model, queries: EncodedTraverse, result: Recognition, seed: 
     keys = presentation_keys(seed, "query", image_keys(rates))
     rasters = []
     for k, query in enumerate(chosen):
-        counts, events, film = fixed.count_spikes(integer.network, rates[k : k + 1], keys[k : k + 1], raster=True)
+        counts, events, film = counting.count_spikes(integer.network, rates[k : k + 1], keys[k : k + 1], raster=True)
         if not np.array_equal(counts[0], result.counts[query]):
             continue  # counted by another backend that does not spike the same (a float one): show nothing false
         steps, neurons = np.nonzero(film[0])

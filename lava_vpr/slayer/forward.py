@@ -79,7 +79,7 @@ def spikes(
         network: The network as it is deployed.
         weights: `scaled` weights, (inputs, neurons), whose gradient is wanted.
         trains: From `input_trains`.
-        inhibitory: Spikes of the root, uint8 (n, interval) (`lava_vpr.engine.inference.fixed.inhibitory_spikes`).
+        inhibitory: Spikes of the root, uint8 (n, interval) (`lava_vpr.engine.inference.counting.inhibitory_spikes`).
         width: How far from the threshold, in thresholds, a membrane still learns.
     """
     torch, (n, steps, inputs) = libraries().torch, trains.shape

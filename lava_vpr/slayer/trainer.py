@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.config import Config, IntegerConfig, integer_config
 from lava_vpr.encoding import query_rates16, training_rates
-from lava_vpr.engine.inference import fixed, quantise
+from lava_vpr.engine.inference import counting, fixed, quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.surroundings import Shown
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys
@@ -67,8 +67,8 @@ class SlayerTrainer:
         for batch in batches:
             network = self._network()
             keys = presentation_keys(config.seed, "train", image_keys(rates[batch]), epoch)
-            film = fixed.count_spikes(network, rates[batch], keys, raster=True)[2]
-            root = fixed.inhibitory_spikes(network, film)[:, :, -1]
+            film = counting.count_spikes(network, rates[batch], keys, raster=True)[2]
+            root = counting.inhibitory_spikes(network, film)[:, :, -1]
             adam.step(network, rates[batch], keys, root, self._labels[batch])
 
     def _network(self) -> fixed.FixedNetwork:

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import need
 from lava_vpr.engine.inference.biases import bias_input_spikes
-from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork
+from lava_vpr.engine.inference.counting import EVENTS
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.isolated import child
 from lava_vpr.isolated.worker import report
 from lava_vpr.loihi import DECAY_BITS

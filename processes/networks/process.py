@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.general.lif import check_thresholds, need
 from lava_vpr.engine.inference.biases import bias_registers
-from lava_vpr.engine.inference.fixed import EVENTS, FixedNetwork, count_spikes
+from lava_vpr.engine.inference.counting import EVENTS, count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.learning.integer import IntegerLearning
 from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.loihi import INPUT_SHIFT, THRESHOLD_LIMIT

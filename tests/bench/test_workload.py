@@ -16,7 +16,8 @@ from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.encoding import query_rates
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.biases import LEVEL, biases, start_membranes
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.counting import count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.membranes import membranes
 from lava_vpr.engine.random import presentation_keys
 

@@ -17,7 +17,7 @@ from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse, query_rates
-from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference import counting, fixed
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.errors import BackendUnavailableError, ConfigError, InputError
 from lava_vpr.matching import decoders, sequences
@@ -143,7 +143,7 @@ def test_fewer_steps_are_the_beginning_of_a_presentation(kind: str) -> None:
     if isinstance(learned.network, fixed.FixedNetwork):
         rates = query_rates(queries.activity, learned.config)
         keys = presentation_keys(learned.config.seed, "query", image_keys(rates))
-        _, _, film = fixed.count_spikes(learned.network, rates, keys, raster=True)
+        _, _, film = counting.count_spikes(learned.network, rates, keys, raster=True)
         # Input of the last step still arrives; what it would have caused later does not.
         last = own // 2 - learned.network.silent_steps
         assert (half >= film[:, : last + 1].sum(axis=1)).all()

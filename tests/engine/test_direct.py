@@ -10,8 +10,9 @@ from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 from support.literal import front_end as literal
 
+from lava_vpr.engine.inference.counting import count_spikes
 from lava_vpr.engine.inference.direct import SILENCING
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.whole import WholeNetwork
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.inputs.front_end import BURST, FrontEnd

@@ -14,9 +14,10 @@ from support.literal.integers import as_populations, present_fixed
 
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.general.simulation import simulate
-from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference import counting, fixed
 from lava_vpr.engine.inference.biases import bias_input_spikes
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibitory_spikes
+from lava_vpr.engine.inference.counting import count_spikes, inhibitory_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.membranes import membranes
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError
@@ -73,7 +74,7 @@ def shown(network: FixedNetwork, seed: int) -> tuple[NDArray[np.uint16], NDArray
 
 def counted(network: FixedNetwork, spikes: NDArray[np.bool_], exc: NDArray[Any], inh: NDArray[Any]) -> dict[str, int]:
     """The events, spike by spike."""
-    events = dict.fromkeys(fixed.EVENTS, 0)
+    events = dict.fromkeys(counting.EVENTS, 0)
     for presentation, step, j in np.argwhere(spikes):
         assert step < network.steps <= network.interval, presentation
         reached = [i for i in range(network.neurons) if network.weights[j, i] != 0]

@@ -25,7 +25,8 @@ from support.literal.integers import as_populations, literal_run
 
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Recording, Synapses, simulate
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.counting import count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.loihi import DECAY_BITS, INPUT_SHIFT, STATE_LIMIT

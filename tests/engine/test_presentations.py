@@ -12,7 +12,8 @@ from support.common.small_models import tiny_paper
 
 from lava_vpr.config import StdpLearning
 from lava_vpr.engine.conductance import model as conductance
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.counting import count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.membranes import membranes
 from lava_vpr.engine.learning import integer, lava_order, stdp
 from lava_vpr.engine.learning.integer_kernels import StepDraws

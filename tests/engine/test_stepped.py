@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from lava_vpr.engine.inference import fixed, stepped
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.counting import count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import PluginError
 from lava_vpr.neurons.models import NEURONS, NeuronConstants, NeuronModel, State, lif

@@ -22,7 +22,7 @@ from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.learning import chip_learning
 from lava_vpr.deploy.bundle.targets import open_bundle
 from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays, query_rates16
-from lava_vpr.engine.inference import fixed, quantise
+from lava_vpr.engine.inference import counting, fixed, quantise
 from lava_vpr.errors import ConfigError, InputError, ModelFileError
 from lava_vpr.inputs.views import STRAIGHT
 from lava_vpr.matching.equations import assign
@@ -221,7 +221,7 @@ def test_remove(kind: str, traverses: int, gone: list[int], tmp_path: Path) -> N
     )
     assert isinstance(made.network, fixed.FixedNetwork)
     np.testing.assert_array_equal(made.network.weights, weights)
-    counts, _, _ = fixed.count_spikes(made.network, rates, response_keys(rates, made.config.seed))
+    counts, _, _ = counting.count_spikes(made.network, rates, response_keys(rates, made.config.seed))
     responses = sum(counts[start : start + len(left)].T for start in range(0, len(rates), len(left)))
     np.testing.assert_array_equal(made.responses, responses)
     assert sum(s.removed + s.places for s in made.stretches) == sum(

@@ -11,7 +11,8 @@ from support.lava.small_networks import FIXED, FLOAT, Arrays, Runs, hold_in_lava
 
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.biases import LEVEL, bias_input_spikes, biases, start_membranes
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.counting import count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import STATE_LIMIT

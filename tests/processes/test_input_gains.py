@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from support.lava.small_networks import FIXED, FLOAT, Runs, hold_in_lava, random_drive, random_network
 
 from lava_vpr.engine.gains import FULL, Digits, digits_of
-from lava_vpr.engine.inference.fixed import count_spikes
+from lava_vpr.engine.inference.counting import count_spikes
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.isolated.runner import run_isolated

@@ -94,7 +94,7 @@ import numpy as np
 from lava_vpr import encoding, model as file
 from lava_vpr.config import Config, EncoderConfig
 from lava_vpr.encoding import Keep
-from lava_vpr.engine.inference.fixed import count_spikes
+from lava_vpr.engine.inference.counting import count_spikes
 from lava_vpr.synthetic import write_traverses
 from lava_vpr.training import train
 from lava_vpr.traverse import open_traverse

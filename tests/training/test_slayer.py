@@ -17,7 +17,7 @@ from lava_vpr.cli import main
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, integer_config
 from lava_vpr.encoding import draw_trains, query_rates16
-from lava_vpr.engine.inference import fixed, quantise
+from lava_vpr.engine.inference import counting, quantise
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.model import Model, integer_model
 from lava_vpr.slayer import forward, needs
@@ -44,9 +44,9 @@ def test_it_spikes_as_the_engine_does(changes: dict[str, object]) -> None:
     network = integer_model(train([encoded(12)], small_config(stretch=0, network=changes)), "a test").network
     rates = query_rates16(encoded(12, noise=0.5).activity, small_config().encoder)
     keys = presentation_keys(1, "query", image_keys(rates))
-    film = fixed.count_spikes(network, rates, keys, raster=True)[2]
+    film = counting.count_spikes(network, rates, keys, raster=True)[2]
     assert film.sum() > 12
-    root = fixed.inhibitory_spikes(network, film)[:, :, -1]
+    root = counting.inhibitory_spikes(network, film)[:, :, -1]
     torch = needs.libraries().torch
     weights = torch.zeros(network.weights.shape)
     trains = forward.input_trains(network, rates, keys)

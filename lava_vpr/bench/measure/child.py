@@ -15,7 +15,7 @@ from lava_vpr.backends import deployed
 from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.deploy.bundle import effort
 from lava_vpr.deploy.bundle.targets import TARGETS, open_whole
-from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference import counting
 from lava_vpr.engine.presentations import share
 from lava_vpr.isolated.child import own_peak
 from lava_vpr.matching.decoders import best
@@ -39,7 +39,7 @@ def host_answer(model: Model, seed: int) -> Answer:
         host = HostBackend()
         return lambda rates: match(host.count_spikes(model, Presentations(rates, seed))[0])
     network = checked_network(model, "host", direct=True)
-    return lambda rates: match(fixed.count_spikes(network, rates, Presentations(rates, seed).keys)[0])
+    return lambda rates: match(counting.count_spikes(network, rates, Presentations(rates, seed).keys)[0])
 
 
 def bundle_answer(folder: Path, seed: int) -> Answer:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, identity
 
-from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference import counting
 from lava_vpr.engine.inference.direct import SILENCING
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
@@ -100,8 +100,8 @@ class WholeNetwork(FrontEnd):
         spikes = cells.sum(axis=1, dtype=np.uint16)
         first = np.where(cells > 0, step, self.steps).min(axis=1)
         bursts = np.where(spikes > 0, first * BURST + spikes, 0).astype(np.uint16)
-        _, _, films["exc"] = fixed.count_spikes(self.places, bursts, np.zeros(len(grey), np.uint64), raster=True)
-        films["inh"] = fixed.inhibitory_spikes(self.places, films["exc"])
+        _, _, films["exc"] = counting.count_spikes(self.places, bursts, np.zeros(len(grey), np.uint64), raster=True)
+        films["inh"] = counting.inhibitory_spikes(self.places, films["exc"])
         if self.counted:
             films["counters"] = np.zeros_like(films["exc"])
         return films
@@ -116,7 +116,7 @@ def counts_of(spec: WholeNetwork, grey: NDArray[np.uint8]) -> NDArray[np.int32]:
     """
     made = [spec.burst_codes(spec.bursts_of(shown)).reshape(-1) for shown in grey]
     bursts = np.array(made, np.uint16).reshape(len(grey), spec.places.inputs)
-    return fixed.count_spikes(spec.places, bursts, np.zeros(len(grey), np.uint64))[0]
+    return counting.count_spikes(spec.places, bursts, np.zeros(len(grey), np.uint64))[0]
 
 
 def settings_of(spec: FrontEnd) -> dict[str, Any]:

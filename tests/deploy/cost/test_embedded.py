@@ -17,7 +17,7 @@ from lava_vpr.deploy.cost import embedded
 from lava_vpr.deploy.cost.embedded import Accesses
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import draw_trains
-from lava_vpr.engine.inference.fixed import count_spikes
+from lava_vpr.engine.inference.counting import count_spikes
 from lava_vpr.engine.presentations import Trains
 
 

@@ -14,7 +14,7 @@ from lava_vpr.deploy.boards.board import LOIHI_2
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost.events import KINDS, count_events
 from lava_vpr.deploy.mapping.partition import partition, tiles
-from lava_vpr.engine.inference import fixed
+from lava_vpr.engine.inference import counting, fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
 
@@ -155,7 +155,7 @@ def test_counts_step_by_step(deep: bool, monkeypatch: pytest.MonkeyPatch) -> Non
         for name in KINDS:
             assert np.array_equal(getattr(counted, name), expected[name]), (seed, name)
             seen[name] += int(expected[name].sum())
-        assert np.array_equal(counted.inh_spikes, fixed.inhibitory_spikes(network, trains.exc).sum(axis=2))
+        assert np.array_equal(counted.inh_spikes, counting.inhibitory_spikes(network, trains.exc).sum(axis=2))
         seen["leaves"] += network.leaves
         seen["relays"] += network.relayed
         seen["signed"] += network.signed

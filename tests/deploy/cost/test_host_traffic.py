@@ -18,7 +18,7 @@ from lava_vpr.deploy.cost import embedded
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.fixed import count_spikes
+from lava_vpr.engine.inference.counting import count_spikes
 from lava_vpr.engine.presentations import Trains
 
 

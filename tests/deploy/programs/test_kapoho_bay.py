@@ -38,7 +38,8 @@ from lava_vpr.deploy.registers.synapses import SynapseFormat
 from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.inference import biases, fixed
 from lava_vpr.engine.inference.biases import bias_registers, held_biases
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.counting import count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 
 SLOW = settings(deadline=None, max_examples=8, derandomize=True)
 

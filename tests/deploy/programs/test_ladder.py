@@ -12,7 +12,8 @@ import pytest
 from support.boards import loihi2_bundles
 from support.boards.kapoho_board import ASKED, Board, climb_here, edited, layout, make, plan_by_hand, random_network
 
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.counting import count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 
 NAMES = ["one neuron", "one axon", "weights", "signs", "decay", "threshold", "reset", "inhibition"]
 

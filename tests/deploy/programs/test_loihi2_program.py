@@ -37,7 +37,7 @@ from support.lava.small_networks import SMALL_LIMITS, limits
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.folder import json_bytes
 from lava_vpr.engine.inference.biases import held_biases
-from lava_vpr.engine.inference.fixed import count_spikes
+from lava_vpr.engine.inference.counting import count_spikes
 
 WAYS: dict[str, dict[str, Any]] = {
     "injected": {"signed": True},

@@ -17,7 +17,8 @@ from lava_vpr.deploy.registers.simulator import Chips
 from lava_vpr.deploy.registers.simulator_kernels import State, Wiring, update
 from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference import fixed
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibitory_spikes
+from lava_vpr.engine.inference.counting import count_spikes, inhibitory_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ModelFileError, NetworkLimitError
 
 

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.bundle import folder as bundle, targets
 from lava_vpr.deploy.bundle.folder import array_bytes
 from lava_vpr.engine.inference.biases import bias_registers
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes
+from lava_vpr.engine.inference.counting import count_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 
 
 @dataclass(frozen=True)

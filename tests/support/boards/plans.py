@@ -17,7 +17,8 @@ from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Plan, PopulationP
 from lava_vpr.deploy.registers.core_images import HostTables, core_images, host_tables
 from lava_vpr.deploy.registers.simulator import Chips
 from lava_vpr.encoding import draw_trains
-from lava_vpr.engine.inference.fixed import FixedNetwork, count_spikes, inhibitory_spikes
+from lava_vpr.engine.inference.counting import count_spikes, inhibitory_spikes
+from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import presentation_keys
 from lava_vpr.loihi import LOIHI_1_WEIGHT_BITS
