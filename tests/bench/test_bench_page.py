@@ -1,13 +1,15 @@
-"""The page of `lava-vpr bench`, from made-up results."""
+"""The page of `lava-vpr bench`, and what it prints, from made-up results."""
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
-from support.common.bench_results import bench, metrics, probabilities
+from support.common.bench_results import FIGURES, bench, metrics, printed, probabilities
 from support.common.browser import PHONE, on_phone, visit
 
 from lava_vpr.bench.anchors import ANCHORS
@@ -117,3 +119,96 @@ def test_anchors_cite_and_say_what_they_are(text: str) -> None:
     by_name = {one.name: one for one in ANCHORS}
     assert (by_name["Renner 2024"].microjoules, by_name["Renner 2024"].milliseconds) == (2.5, 0.17)
     assert by_name["Frady 2020"].microjoules is None
+
+
+def test_recall_comes_first_and_what_is_modelled_says_so() -> None:
+    text = printed(bench())
+    parts = ("R@1", "energy of a query, all", "measured here, a query", "modelled for Kapoho Bay", "absent: loihi2")
+    order = [text.index(part) for part in parts]
+    assert order == sorted(order)
+    assert re.search(r"│ Kapoho Bay, partly modelled +│ +[\d.]+ │ +8,380 \([\d,]+ to [\d,]+\) │", text), text
+    assert re.search(r"│ this network, no board +│ +[\d.]+ │ +8,000 \(4,000 to 16,000\) │", text), text
+    assert re.search(r"│ cosine, no network +│ +[\d.]+ │ +7,150 \(", text), text
+    assert re.search(r"dynamic energy, uJ +│ +2\.23 │ +3\.04 │ +4\.02 │", text), text
+    details = "\n".join(table.markdown() for tables in described.sections(bench()).values() for table in tables)
+    assert re.search(r"its chips wait for host I/O, modelled \| 1,000 \(0 to 7,000\) \| - \| - \|", details), details
+    assert re.search(r"host I/O, apart, ms: injected \(in use\) \| 1\.00 \| 13\.9 \|", details)
+    assert "absent: loihi2, modelled energy and time: no energy per operation" in text
+    assert text.strip().splitlines()[-1].startswith("parts of energy and time, counted events, thresholds and workload")
+
+
+def test_every_modelled_figure_stands_below_the_word() -> None:
+    energies = ("uJ", "mJ", "pJ")
+    run = bench()
+    whole = described.energy(run.energy)
+    assert [whole.rows[k][0] for k in sorted(whole.strong)] == ["a whole query", "all but the encoding"]
+    alone = described.energy(run.energy[1:])
+    assert [row[0] for row in alone.rows if "board" in row[0]] == []
+    assert [alone.rows[k][0] for k in sorted(alone.strong)] == ["a whole query", "all but the encoding"]
+    assert all(("modelled" in row[0]) == (row[0].startswith("board")) for row in whole.rows)
+    shown = [described.modelled(run.targets["kapoho-bay"], FIGURES), described.sweep(run.sweep)]
+    for grid in shown:
+        for column in grid.columns:
+            if any(unit in column for unit in energies) or column in ("ms", "modelled low"):
+                assert "modelled" in column
+        assert "modelled" in grid.title or "modelled" in " ".join(grid.columns)
+    assert all("modelled" in column for column in shown[0].columns)
+    drawings = [plots.energy(FIGURES.dynamic_by_component, "e", ""), plots.pareto(run.sweep, "")]
+    drawings += [plots.step_times(run.step_times["kapoho-bay"], "s", ""), plots.beside_anchors(FIGURES, "")]
+    assert all("modelled" in drawing for drawing in drawings)
+    assert "modelled" not in plots.latencies(run.measured, "")
+
+
+def test_the_front_is_told_once_and_what_was_chosen_stands_out() -> None:
+    def point(energy: float, **changes: Any) -> SweepPoint:
+        values: dict[str, Any] = {"settings": {"steps": 30, "prune": 0.5}, "metrics": metrics(), "milliseconds": 0.1}
+        return SweepPoint(
+            **{
+                **values,
+                "microjoules": energy,
+                "mean_steps": 33.0,
+                "board_microjoules": 900.0,
+                "front": True,
+                **changes,
+            }
+        )
+
+    rows = [point(1.0), point(1.0, settings={"steps": 31}), point(2.0, front=False), point(3.0, chosen="fast")]
+    rows.append(point(0.5, settings={"stop_margin": 4.0}))
+    grid = described.sweep(rows, bench().energy)
+    # 7 mJ of encoding, .3 mJ of the host's part, and .9 mJ on the board.
+    assert [(row[0], *row[4:7]) for row in grid.rows] == [
+        ("fast", "8,200", "1,200", "3.00"),
+        ("front", "8,200", "1,200", "1.00"),
+        ("front, stops early", "8,200", "1,200", "0.500"),
+    ]
+    assert described.sweep(rows).rows[0][4:7] == ("-", "-", "3.00")
+    assert grid.rows[1][-1] == "steps 30, prune 0.5"
+    assert grid.strong == {0}
+    assert "judge a choice on others" in grid.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (None, "-"),
+        (math.nan, "-"),
+        (1234567.0, "1,230,000"),
+        (0.99996, "1.00"),
+        (12.34, "12.3"),
+        (0.0000123, "1.23e-05"),
+        (999.9, "1,000"),
+        (-0.05, "-0.0500"),
+    ],
+)
+def test_figures_have_three_significant_digits(value: float | None, text: str) -> None:
+    assert described.figure(value) == text
+
+
+def test_a_boards_own_figures_are_told() -> None:
+    there = Measured("loihi2", "a board", 9, queries_per_second=88.0, no_energy="x", board={"idle_milliwatts": 1234.5})
+    found = bench(measured=(there,), targets={}, sweep=(), step_times={})  # a page with nothing to draw
+    assert re.search(r"idle milliwatts +│ +1,234 │", printed(found))
+    assert "measured on a board" in page(found)
+    assert as_json(found)["measured"]["loihi2"]["board"] == {"idle_milliwatts": 1234.5}

@@ -1,4 +1,4 @@
-"""The spiking front end on cores: what each holds, counted anew, and what binds."""
+"""The spiking front end on cores: what each holds, counted anew, what binds, and what a board cannot hold."""
 
 from __future__ import annotations
 
@@ -10,10 +10,14 @@ import pytest
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.boards.memory import PackedRows, row_words
 from lava_vpr.deploy.mapping.front_end import EVENTS, placed
+from lava_vpr.deploy.mapping.front_end_images import front_end_images
+from lava_vpr.deploy.registers.synapse_memory import unpack
+from lava_vpr.deploy.registers.synapses import SynapseFormat
+from lava_vpr.errors import NetworkLimitError
 from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.inputs.front_end_network import all_weights, event_synapses, populations
 
-SPEC = FrontEnd(width=16)
+SPEC, SMALL = FrontEnd(width=16), FrontEnd(width=8)
 
 
 @pytest.mark.parametrize(
@@ -101,3 +105,46 @@ def test_too_many_cores_are_said() -> None:
 def test_axons_that_no_number_of_cores_helps_are_said() -> None:
     plan = placed(SPEC, replace(KAPOHO_BAY, axons_out=2, compartments=64))
     assert " axons out, of 2" in plan.exceeded()
+
+
+@pytest.mark.parametrize("board", [KAPOHO_BAY, replace(KAPOHO_BAY, compartments=60, axons_out=150)])
+def test_cores_hold_what_the_plan_counted(board: Board) -> None:
+    plan, made = placed(SMALL, board), front_end_images(SMALL, board, ())
+    cores = {(core.chip, core.core): core for core in made.cores}
+    assert len(cores) == len(made.cores) == plan.cores
+    for name, each in plan.populations.items():
+        own = [cores[place] for place in sorted({(chip, core) for chip, core, _ in made.tables[name].tolist()})]
+        assert [len(core.compartments) for core in own] == each.sizes.tolist()
+        assert max(len(core.axons_in) for core in own) == each.axons_in
+        assert max(len(core.axons_out) for core in own) == each.axons_out
+        assert max(len(core.synapses) for core in own) / plan.board.memory.capacity == pytest.approx(each.memory)
+        assert sum(int(core.axons_in[:, 2].sum()) for core in own) == each.stored
+
+
+def test_no_row_has_two_synapses_to_one_neuron() -> None:
+    """Whether two of a row add up is unproven: nengo-loihi's emulator counts the last alone."""
+    for core in front_end_images(SMALL, KAPOHO_BAY, ()).cores:
+        forms = [None if form is None else SynapseFormat.of(form, core.name) for form in core.registers["synapseFmt"]]
+        rows = unpack(core.synapses, core.axons_in, forms, len(core.compartments), core.name)
+        ways = np.column_stack([np.repeat(np.arange(len(core.axons_in)), np.diff(rows.starts)), rows.compartments])
+        assert len(np.unique(ways, axis=0)) == len(ways) > 0
+
+
+def test_every_input_axon_has_one_source() -> None:
+    made = front_end_images(SMALL, KAPOHO_BAY, ())
+    out = np.concatenate([core.axons_out[:, 1:] for core in made.cores]).tolist()
+    into = [[core.chip, core.core, axon] for core in made.cores for axon in range(len(core.axons_in))]
+    assert sorted(out) == sorted(into)
+
+
+@pytest.mark.parametrize(
+    ("spec", "taken", "words"),
+    [
+        (SMALL, 250, r"^7 cores and 250 of the network, but Kapoho Bay \(two Loihi 1 chips\) has 256$"),
+        (FrontEnd(width=8, window=8), 0, r"^no public source shows how events of a camera come to axons of the chip$"),
+    ],
+)
+def test_what_a_board_cannot_hold_is_refused(spec: FrontEnd, taken: int, words: str) -> None:
+    used = [divmod(core, KAPOHO_BAY.cores) for core in range(taken)]
+    with pytest.raises(NetworkLimitError, match=words):
+        front_end_images(spec, KAPOHO_BAY, used)
