@@ -1,7 +1,5 @@
 """VPRSNN's network in Brian2, written from its equations: what the `paper` preset is held against and timed beside.
 
-    python brian2_network.py FOLDER        times queries; `benchmarks.peers.rivals` starts it
-
 Brian2 stands in an environment of its own (`make peers`) and compiles with Cython. Settings come from the same
 `Config` as the engine's. `Brian2Network.reset` and `Brian2Network.present_spikes` make the two comparable spike by
 spike: one start from rest per presentation, the same delays, and the very same input spikes.
@@ -10,17 +8,13 @@ spike: one start from rest per presentation, the same delays, and the very same 
 from __future__ import annotations
 
 import gc
-import json
-import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import ConductanceLearning, ConductanceNetwork, Config
-from lava_vpr.configfile import from_dict
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.errors import BackendUnavailableError
 
@@ -219,30 +213,3 @@ def spare_collection() -> None:
     """
     gc.collect()
     gc.freeze()
-
-
-def main(folder: Path) -> None:
-    """Present the queries in ``folder`` to the frozen network and write what that took.
-
-    Read: ``given.npz`` with ``weights``, ``theta_mv``, ``delays`` of the network and ``rate_hz`` float64 (n, inputs);
-    ``config.json``. Written: ``found.json`` with ``version``, ``seconds`` of each query and its ``spikes``. The first
-    query, in which Brian2 compiles, is presented once more beforehand and not counted.
-    """
-    config = from_dict(json.loads((folder / "config.json").read_text(encoding="utf-8")))
-    with np.load(folder / "given.npz", allow_pickle=False) as arrays:
-        state = ConductanceState(arrays["weights"], arrays["theta_mv"], arrays["delays"])
-        rate_hz = arrays["rate_hz"]
-    network = Brian2Network(config, state, learn=False)
-    network.present(rate_hz[0])
-    spare_collection()
-    taken = [network.present(rates) for rates in rate_hz]
-    answer = {
-        "version": str(b2.__version__),
-        "seconds": [seconds for _, seconds in taken],
-        "spikes": [int(counts.sum()) for counts, _ in taken],
-    }
-    (folder / "found.json").write_text(json.dumps(answer), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

@@ -5,8 +5,8 @@
 (`make peers` sets it up.)
 
 First, milliseconds per presentation, one core, one process: Brian2, our `paper` preset, our `loihi` preset. Then
-every matcher of `lava_vpr.bench.measure.matchers` and `benchmarks.peers.rivals` on the same places and queries: speed,
-recall and memory, real images where LAVA_VPR_DATA names them (Nordland 0:100), else the synthetic world.
+every matcher of `lava_vpr.bench.measure.matchers` and VPRTempo on the same places and queries: speed, recall and
+memory, real images where LAVA_VPR_DATA names them (Nordland 0:100), else the synthetic world.
 
 Brian2 and `paper` compute the same network: both are also given the very same input spikes, and what comes out is
 compared. All of them take turns, presentation by presentation, and the table holds medians, because
@@ -28,11 +28,11 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.peers import vprtempo
 from benchmarks.peers.brian2_network import Brian2Network, spare_collection
-from benchmarks.peers.rivals import OwnImages, brian2_peer, own_images, vprtempo_matchers
 from benchmarks.places import ALL_CORES, images_of
 from benchmarks.program import Printed, program
-from lava_vpr.bench.measure.matchers import run_peers
+from lava_vpr.bench.measure.matchers import TimedMatcher, repeats, run_peers
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
 from lava_vpr.config import Config, integer_config, preset
@@ -51,7 +51,7 @@ from lava_vpr.engine.inference.surroundings import Shown
 from lava_vpr.engine.learning import stdp
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys
 from lava_vpr.inputs.patches import patch_normalised
-from lava_vpr.matching.evaluation import values_of
+from lava_vpr.matching.evaluation import evaluate, values_of
 from lava_vpr.model import Model
 from lava_vpr.recognition import Comparison, recognise
 from lava_vpr.show.numbers import percent
@@ -59,12 +59,16 @@ from lava_vpr.show.table import Table
 from lava_vpr.storage.writing import temporary_folder
 from lava_vpr.synthetic.world import World, render, write_traverses
 from lava_vpr.training.loop import train
-from lava_vpr.traverse import open_traverse
+from lava_vpr.traverse import Traverse, open_traverse
 
 INPUTS = 784
 IMAGES = 20
 NEURONS = 100
 PLACES = (0, 100)
+MODULE = 500
+"""Places of one of VPRTempo's modules, which are trained apart (default of the released code)."""
+OwnImages = tuple[NDArray[np.uint8], NDArray[np.uint8]]
+"""References and queries as VPRTempo preprocesses them."""
 Times = dict[str, list[float]]
 
 
@@ -152,6 +156,78 @@ def parity(config: Config, state: ConductanceState, images: NDArray[np.uint8], n
     return {"presentations": n, "equal": equal, "spikes": spikes, "largest_weight_difference": difference}
 
 
+def train_modules(images: NDArray[np.uint8], labels: NDArray[np.int64]) -> tuple[vprtempo.VprTempo, ...]:
+    """VPRTempo on reference ``images`` (n, side, side) of the places ``labels``, in modules of `MODULE` places."""
+    spikes = vprtempo.input_spikes(images)
+    modules = []
+    for first in range(0, int(labels.max()) + 1, MODULE):
+        inside = (labels >= first) & (labels < first + MODULE)
+        modules.append(vprtempo.train(spikes[inside], labels[inside] - first))
+    return tuple(modules)
+
+
+def vprtempo_matcher(
+    name: str,
+    what: str,
+    references: NDArray[np.uint8],
+    labels: NDArray[np.int64],
+    queries: NDArray[np.uint8],
+    truth: NDArray[np.bool_],
+) -> TimedMatcher:
+    """VPRTempo, trained now on the references; the best amplitude is the confidence.
+
+    Args:
+        name, what: As in `lava_vpr.bench.results.Peer`; ``what`` says which images it sees.
+        references, queries: Images uint8 (n, side, side), preprocessed alike.
+        labels: Place of each reference, int64 (n,).
+        truth: bool (n_queries, places).
+    """
+    modules = train_modules(references, labels)
+    shown = np.tile(queries, (repeats(queries), 1, 1))
+
+    def scores_of(images: NDArray[np.uint8]) -> NDArray[np.float32]:
+        spikes = vprtempo.input_spikes(images)
+        return np.concatenate([module.scores(spikes) for module in modules], axis=1)
+
+    scores = scores_of(queries).astype(np.float64)
+    return TimedMatcher(
+        name,
+        f"VPRTempo (Hines et al. 2024) from its equations, its settings, trained here on {what}; float32 matrix "
+        "products",
+        sum(module.nbytes for module in modules),
+        lambda part: scores_of(shown[part]).argmax(axis=1),
+        evaluate(scores, scores.max(axis=1), truth),
+    )
+
+
+def vprtempo_matchers(
+    model: Model, queries: EncodedTraverse, truth: NDArray[np.bool_], own: OwnImages | None = None
+) -> list[TimedMatcher]:
+    """VPRTempo on its own images, if they are given, and on the smaller ones that a model keeps.
+
+    Args:
+        model, queries, truth: As in `all_peers`.
+        own: References and queries as VPRTempo preprocesses them (`own_images`).
+    """
+    found = []
+    if own is not None:
+        seen = "its own 56x56 images, gamma-corrected and patch-normalised"
+        found.append(vprtempo_matcher("vprtempo_own", seen, own[0], model.labels, own[1], truth))
+    seen = "the model's 28x28 patch-normalised images, which VPRSNN and SAD see"
+    patches = queries.kept(Keep.PATCHES, "VPRTempo")
+    return [*found, vprtempo_matcher("vprtempo", seen, model.patches, model.labels, patches, truth)]
+
+
+def own_images(references: Traverse, queries: Traverse) -> OwnImages:
+    """The images of two traverses as VPRTempo preprocesses them, each uint8 (n, 56, 56)."""
+    side, window = vprtempo.SIDE, vprtempo.WINDOW
+    first, second = (
+        np.stack([vprtempo.preprocess(image, side, window) for image in traverse.images()])
+        for traverse in (references, queries)
+    )
+    return first, second
+
+
 def section() -> tuple[str, EncodedTraverse, EncodedTraverse, OwnImages]:
     """What images they are, references and queries of `PLACES`, and both as VPRTempo preprocesses them."""
     encoder = preset("loihi").encoder
@@ -173,10 +249,9 @@ def all_peers(
     queries: EncodedTraverse,
     truth: NDArray[np.bool_],
     own: OwnImages | None = None,
-    brian2_queries: int = 3,
     **options: Any,
 ) -> tuple[Peer, ...]:
-    """lava-vpr, its baselines and VPRTempo in turns, then VPRSNN's network in Brian2 on a few queries.
+    """lava-vpr, its baselines and VPRTempo in turns.
 
     Args:
         model: A trained model.
@@ -184,12 +259,10 @@ def all_peers(
         truth: bool (n_queries, places).
         options: As in `lava_vpr.bench.measure.matchers.run_peers`.
         own: The images as VPRTempo preprocesses them; None: it is run on the model's alone.
-        brian2_queries: The number of queries that Brian2 is given.
     """
     others = vprtempo_matchers(model, queries, truth, own)
     known = recognise(model, queries, truth, Comparison(keep_scores=False), pool=ALL_CORES)
-    peers = run_peers(QuerySet.of(model, queries), known, others=others, **options)
-    return (*peers, brian2_peer(model, queries, brian2_queries))
+    return run_peers(QuerySet.of(model, queries), known, others=others, **options)
 
 
 def side_by_side() -> tuple[str, tuple[Peer, ...]]:
@@ -205,17 +278,14 @@ def peer_table(name: str, peers: tuple[Peer, ...]) -> Table:
     rows, our_rate = [], peers[0].queries_per_second
     for peer in peers:
         rate = peer.queries_per_second
-        if peer.absent or rate is None or our_rate is None or peer.bytes is None:
-            rows.append([peer.name, *["-"] * 9])
-            continue
         keys = ("recall_at_1", "recall_at_5", "recall_at_10", "recall_at_100_precision", "auc")
-        recall = ["-"] * 5 if peer.metrics is None else [percent(value) for value in values_of(peer.metrics, keys)]
+        recall = [percent(value) for value in values_of(peer.metrics, keys)]
         speed = f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}"
         rows.append(
             [peer.name, speed, f"{rate / our_rate:.2g}", f"{peer.threads}", *recall, f"{peer.bytes / 1000:,.0f}"]
         )
     heads = ("queries/s", "of lava-vpr", "threads", "R@1", "R@5", "R@10", "R@100P", "AUC", "kB kept")
-    notes = [f"{peer.name}: {peer.absent or peer.what}" for peer in peers]
+    notes = [f"{peer.name}: {peer.what}" for peer in peers]
     return Table(("matcher", *heads), rows, notes, f"{name}; exact matches, percent")
 
 

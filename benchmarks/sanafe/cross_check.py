@@ -29,15 +29,14 @@ Both sides sum the same products in another order: differences of about 1e-14 ar
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.program import python_of, run_elsewhere
 from benchmarks.sanafe.problem import group_name, problem_of, without_counters
 from lava_vpr.deploy.boards.constants import CostConstants
 from lava_vpr.deploy.boards.plan import Plan
@@ -45,16 +44,12 @@ from lava_vpr.deploy.cost.closed_form import step_microseconds, step_picojoules
 from lava_vpr.deploy.cost.events import EventCounts, count_events
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
-from lava_vpr.errors import BackendUnavailableError
-from lava_vpr.isolated.child import Ended, environment_without_python, run_child
+from lava_vpr.errors import InputError
 from lava_vpr.storage.writing import temporary_folder
 
-VARIABLE, ENVIRONMENT = "LAVA_VPR_SANAFE", ".venv-sanafe"
-REMEDY = "run make sanafe"
+PYTHON = python_of("sanafe")
 WORKER = Path(__file__).with_name("worker.py")
 TIMEOUT_S = 600.0
-MOST_SYNAPSES = 3_000_000
-"""SANA-FE takes about a kilobyte for each."""
 
 Floats = NDArray[np.float64]
 
@@ -69,79 +64,34 @@ class CrossCheck:
         microjoules: Energy by component: (closed form, SANA-FE).
         simple_milliseconds: Time: (closed form, SANA-FE with ``simple`` timing).
         detailed_milliseconds: Time of SANA-FE with ``detailed`` timing: the bound with contention.
-        absent: Why it was not run; empty if it was.
         counts: Events by name: (ours, SANA-FE's).
         difference: Largest relative difference of all that was compared: energy by component and time of every query,
             energy and time of every step.
         spikes_differ: Spikes of exc, inh and the inputs' compartments that SANA-FE's own dynamics have elsewhere.
     """
 
-    version: str = ""
-    queries: int = 0
-    microjoules: dict[str, tuple[float, float]] = field(default_factory=dict)
-    simple_milliseconds: tuple[float, float] | None = None
-    detailed_milliseconds: float | None = None
-    absent: str = ""
-    counts: dict[str, tuple[float, float]] = field(default_factory=dict)
-    difference: float | None = None
-    spikes_differ: int = 0
+    version: str
+    queries: int
+    microjoules: dict[str, tuple[float, float]]
+    simple_milliseconds: tuple[float, float]
+    detailed_milliseconds: float
+    counts: dict[str, tuple[float, float]]
+    difference: float
+    spikes_differ: int
 
 
-def find_sanafe() -> Path | None:
-    """The Python that has SANA-FE; None: there is none.
-
-    What LAVA_VPR_SANAFE names, or else that of ``.venv-sanafe`` in this folder, or in the project's.
-    """
-    named = os.environ.get(VARIABLE, "")
-    folders = (Path.cwd(), Path(__file__).resolve().parents[2])
-    tried = [Path(named)] if named else [folder / ENVIRONMENT / "bin" / "python" for folder in folders]
-    return next((path.absolute() for path in tried if path.is_file()), None)
-
-
-def _missing() -> str:
-    """Why `find_sanafe` found none, and what to do."""
-    named = os.environ.get(VARIABLE, "")
-    if named:
-        return f"{VARIABLE} names {named}, which is not there; name a Python that has SANA-FE, or unset it and {REMEDY}"
-    return f"SANA-FE is not installed; {REMEDY}"
-
-
-def ask(python: Path, problem: dict[str, Any], timeout_s: float = TIMEOUT_S) -> dict[str, Any]:
+def ask(problem: dict[str, Any], python: Path = PYTHON) -> dict[str, Any]:
     """What SANA-FE makes of ``problem`` (`benchmarks.sanafe.problem`).
 
     Raises:
-        BackendUnavailableError: it fails, takes too long or answers what is no answer.
+        InputError: its environment is missing, or it fails or takes too long.
     """
     with temporary_folder() as folder:
         (folder / "problem.json").write_text(json.dumps(problem))
-        ended = _run([str(python), "-I", "-B", str(WORKER), "problem.json", "result.json"], folder, timeout_s)
-        if ended.code:
-            said = ended.last or f"exit code {ended.code}"
-            raise BackendUnavailableError(f"SANA-FE failed ({said[:200]}); delete {ENVIRONMENT} and {REMEDY}")
-        try:
-            answer = json.loads((folder / "result.json").read_text())
-        except (OSError, ValueError) as error:
-            raise BackendUnavailableError(
-                f"SANA-FE left no answer ({type(error).__name__}); delete {ENVIRONMENT} and {REMEDY}"
-            ) from None
-    if not isinstance(answer, dict):
-        raise BackendUnavailableError(f"SANA-FE answered something else; delete {ENVIRONMENT} and {REMEDY}")
+        words = ("-I", "-B", WORKER, "problem.json", "result.json")
+        run_elsewhere("SANA-FE", python, "sanafe", *words, seconds=TIMEOUT_S, folder=folder)
+        answer: dict[str, Any] = json.loads((folder / "result.json").read_text())
     return answer
-
-
-def _run(command: list[str], folder: Path, timeout_s: float) -> Ended:
-    """Run ``command`` in ``folder`` as a program of its own.
-
-    Raises:
-        BackendUnavailableError: it does not start, or takes too long; then it and all that it started are ended.
-    """
-    environment = environment_without_python() | {"OMP_NUM_THREADS": "1"}
-    try:
-        return run_child(command, seconds=timeout_s, folder=folder, environment=environment)
-    except OSError as error:
-        raise BackendUnavailableError(f"{command[0]}: does not start ({error.strerror}); {REMEDY}") from None
-    except subprocess.TimeoutExpired:
-        raise BackendUnavailableError(f"SANA-FE was not done after {timeout_s:g} s; compare fewer queries") from None
 
 
 @dataclass(frozen=True)
@@ -162,42 +112,35 @@ def _read(answer: dict[str, Any], plan: Plan, trains: Trains) -> _Answer:
     Events of the port are subtracted, so that updates and spikes are those of compartments.
 
     Raises:
-        BackendUnavailableError: it is no answer to this problem.
+        InputError: detailed timing had other events than simple.
     """
     shape = trains.exc.shape[0], trains.exc.shape[1]
-    try:
-        queries = answer["queries"]
-        if not all(query["repeats"] for query in queries):
-            raise BackendUnavailableError(
-                "SANA-FE gave other events with detailed timing than with simple; nothing is compared"
-            )
+    queries = answer["queries"]
+    if not all(query["repeats"] for query in queries):
+        raise InputError("SANA-FE gave other events with detailed timing than with simple; nothing is compared")
 
-        def steps(key: str, scale: float) -> Floats:
-            return np.array([query[key] for query in queries], np.float64).reshape(shape) * scale
+    def steps(key: str, scale: float) -> Floats:
+        return np.array([query[key] for query in queries], np.float64).reshape(shape) * scale
 
-        def count(key: str) -> Floats:
-            return np.array([np.sum(query[key]) for query in queries], np.float64).reshape(shape[0])
+    def count(key: str) -> Floats:
+        return np.array([np.sum(query[key]) for query in queries], np.float64).reshape(shape[0])
 
-        played = count("fired") - np.array([sum(map(len, query["fired_neurons"])) for query in queries])
-        return _Answer(
-            str(answer["version"]),
-            {name: steps(f"{name}_energy", 1e6) for name in ("synapse", "dendrite", "soma", "network", "total")},
-            steps("sim_time", 1e3),
-            np.array([query["detailed_time"] for query in queries], np.float64).reshape(shape[0]) * 1e3,
-            {
-                "synaptic operations": count("spikes"),
-                "updates": count("updated") - played,
-                "spikes": count("fired") - played,
-                "injected spikes": played,
-                "messages": count("packets"),
-                "hops": count("hops"),
-            },
-            _fired(queries, plan, shape),
-        )
-    except (LookupError, TypeError, ValueError) as error:
-        raise BackendUnavailableError(
-            f"SANA-FE's answer cannot be read ({error!r:.200}); delete {ENVIRONMENT} and {REMEDY}"
-        ) from None
+    played = count("fired") - np.array([sum(map(len, query["fired_neurons"])) for query in queries])
+    return _Answer(
+        str(answer["version"]),
+        {name: steps(f"{name}_energy", 1e6) for name in ("synapse", "dendrite", "soma", "network", "total")},
+        steps("sim_time", 1e3),
+        np.array([query["detailed_time"] for query in queries], np.float64).reshape(shape[0]) * 1e3,
+        {
+            "synaptic operations": count("spikes"),
+            "updates": count("updated") - played,
+            "spikes": count("fired") - played,
+            "injected spikes": played,
+            "messages": count("packets"),
+            "hops": count("hops"),
+        },
+        _fired(queries, plan, shape),
+    )
 
 
 def _fired(queries: list[Any], plan: Plan, shape: tuple[int, int]) -> dict[str, NDArray[np.bool_]]:
@@ -321,7 +264,7 @@ def compare(
         tiles: Tiles that hold a neuron in SANA-FE.
         bias: As in `cross_check`.
     Raises:
-        BackendUnavailableError: it is no answer to this problem.
+        InputError: detailed timing had other events than simple.
     """
     plan = without_counters(plan)
     theirs = _read(answer, plan, trains)
@@ -359,37 +302,23 @@ def cross_check(
     plan: Plan,
     trains: Trains,
     *,
-    python: Path | None = None,
+    python: Path = PYTHON,
     input_core: bool = True,
     bias: NDArray[np.int32] | None = None,
-    timeout_s: float = TIMEOUT_S,
 ) -> CrossCheck:
     """Hold the closed form against SANA-FE on some queries.
 
     Args:
         plan: Where the network stands.
         trains: Every spike of the queries, those of inputs and inhibitory neurons too.
-        python: The Python that has SANA-FE; None: what `find_sanafe` finds.
+        python: The Python that has SANA-FE.
         input_core: Injected spikes take the one core that sends them the time of any core's messages, as SANA-FE has
             it; else none, as the cost model has it, which knows a host.
         bias: Biases of the neurons in each query, int32 (n, neurons); None: always the network's.
-        timeout_s: For SANA-FE.
-    Returns:
-        The comparison; with ``absent`` where there is none to make, whatever happened to the other process.
+    Raises:
+        BackendUnavailableError: SANA-FE cannot be asked this.
+        InputError: its environment is missing, or it failed.
     """
-    python = find_sanafe() if python is None else python
-    if python is None:
-        return CrossCheck(absent=_missing())
-    try:
-        problem = problem_of(plan, trains, input_core=input_core, bias=bias)
-        synapses = sum(len(row["pre"]) for row in problem["synapses"])
-        if synapses > MOST_SYNAPSES:
-            return CrossCheck(
-                absent=f"SANA-FE would take some {synapses / 1e6:.0f} GB for {synapses:,} synapses; at most "
-                f"{MOST_SYNAPSES:,} are compared: use a model of fewer places"
-            )
-        answer = ask(python, problem, timeout_s)
-        tiles = len({group["tile"] for group in problem["groups"]})
-        return compare(plan, trains, answer, input_core=input_core, tiles=tiles, bias=bias)
-    except BackendUnavailableError as error:
-        return CrossCheck(absent=str(error))
+    problem = problem_of(plan, trains, input_core=input_core, bias=bias)
+    tiles = len({group["tile"] for group in problem["groups"]})
+    return compare(plan, trains, ask(problem, python), input_core=input_core, tiles=tiles, bias=bias)

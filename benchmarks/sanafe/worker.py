@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import os
 import re
 import sys
 import tempfile
@@ -109,6 +110,7 @@ def play(chip: Any, groups: Any, problem: dict[str, Any], query: dict[str, Any],
 
 def main(problem_path: str, result_path: str) -> None:
     """Answer every query of the problem, with simple and with detailed timing."""
+    os.environ["OMP_NUM_THREADS"] = "1"
     sanafe = importlib.import_module("sanafe")
     version = importlib.import_module("importlib.metadata").version("sanafe")
     problem = json.loads(Path(problem_path).read_text())

@@ -161,22 +161,20 @@ class Peer:
         name: ``lava-vpr`` itself, a baseline (``sad``, ``cosine``, ``hog``, ``template``), or another matcher timed in
             turns with them.
         what: The matcher in words, with citation.
-        metrics: Recall on the same queries; None if not computed.
+        metrics: Recall on the same queries.
         queries_per_second: From preprocessed input to match, all queries in one batch, on ``threads`` threads.
         threads: Number of these threads.
         bytes: Bytes that the matcher stores for the references (templates or weights).
         queries: Number of queries that were timed.
-        absent: Why it was not run; empty if it was.
     """
 
     name: str
     what: str
-    metrics: Metrics | None = None
-    queries_per_second: float | None = None
-    threads: int = 1
-    bytes: int | None = None
-    queries: int = 0
-    absent: str = ""
+    metrics: Metrics
+    queries_per_second: float
+    threads: int
+    bytes: int
+    queries: int
 
 
 @dataclass(frozen=True)

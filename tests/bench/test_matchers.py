@@ -154,7 +154,7 @@ def test_all_in_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (last.what, last.bytes, last.metrics) == (other.what, 5, other.metrics)
     for one in found:
         assert one.queries_per_second > 0
-        assert (one.threads, one.queries, one.absent) == (2, 8, "")
+        assert (one.threads, one.queries) == (2, 8)
     assert ours.bytes == model.network.weights.nbytes + model.responses.nbytes
     assert sum(sizes) == 2 + 3 * 24  # once to begin with, once to know how long it takes, and two rounds
 

@@ -1,4 +1,4 @@
-"""VPRTempo against a literal version of its equations, cases done by hand, and recall on images."""
+"""VPRTempo against a literal version of its equations, cases done by hand, recall on images, and in turns with ours."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from support.common.small_models import encoded, small_model, two_images_a_place
 
-from benchmarks.peers import vprtempo
+from benchmarks.peers import side_by_side, vprtempo
 from benchmarks.peers.vprtempo import (
     Layer,
     VprTempo,
@@ -20,8 +21,11 @@ from benchmarks.peers.vprtempo import (
     output_step,
     preprocess,
 )
+from lava_vpr.bench.measure import matchers as timed
 from lava_vpr.errors import InputError
 from lava_vpr.matching.evaluation import Metrics, evaluate
+from lava_vpr.synthetic.world import write_traverses
+from lava_vpr.traverse import open_traverse
 
 INPUTS, FEATURES, PLACES = 12, 9, 4
 
@@ -256,3 +260,47 @@ def test_recall_is_vprtempo_s(data_root: Path, kind: str, seeds: tuple[int, ...]
     name = next(one for one in IMAGES if one.startswith(kind))
     found = [section(name, places, seed).recall_at_1 for places in SECTIONS for seed in seeds]
     assert 100 * float(np.mean(found)) == pytest.approx(expected, abs=3)
+
+
+def test_all_in_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(timed, "BATCH", 20)
+    model, queries, truth = small_model(), encoded(noise=0.1), np.eye(8, dtype=bool)
+    found = side_by_side.all_peers(model, queries, truth, threads=2, rounds=2, fill=0.0)
+    assert [one.name for one in found] == ["lava-vpr", "sad", "cosine", "hog", "template", "vprtempo"]
+    tempo = found[-1]
+    assert tempo.queries_per_second > 0
+    assert (tempo.threads, tempo.queries) == (2, 8)
+    assert tempo.bytes == 4 * (1568 * 784 + 8 * 1568)
+    assert tempo.metrics.queries == 8
+
+
+@pytest.mark.slow
+def test_what_is_timed_of_vprtempo_is_what_recall_counts() -> None:
+    model, queries, truth = small_model(), encoded(noise=0.1), np.eye(8, dtype=bool)
+    rng = np.random.default_rng(4)
+    own = rng.integers(0, 256, (8, 56, 56), np.uint8), rng.integers(0, 256, (8, 56, 56), np.uint8)
+    matchers = side_by_side.vprtempo_matchers(model, queries, truth, own)
+    assert [matcher.name for matcher in matchers] == ["vprtempo_own", "vprtempo"]
+    assert ["56x56" in matcher.what for matcher in matchers] == [True, False]
+    assert matchers[0].bytes == 4 * (2 * 3136 * 3136 + 8 * 2 * 3136)
+    for matcher in matchers:
+        correct = float((matcher.answer(slice(0, 8)) == np.arange(8)).mean())
+        assert correct == matcher.metrics.recall_at_1
+
+
+def test_vprtempo_sees_its_own_images(tmp_path: Path) -> None:
+    write_traverses(tmp_path, 3, 0)
+    pair = [open_traverse(tmp_path / kind) for kind in ("reference", "query")]
+    for images, traverse in zip(side_by_side.own_images(*pair), pair, strict=True):
+        assert images.shape == (3, 56, 56)
+        np.testing.assert_array_equal(images[1], vprtempo.preprocess(traverse.load(1), 56, 15))
+
+
+def test_modules_of_vprtempo_share_the_places(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(side_by_side, "MODULE", 3)
+    model = two_images_a_place()
+    modules = side_by_side.train_modules(model.patches, model.labels)
+    assert [module.output.weights.shape[0] for module in modules] == [3, 3, 2]
+    last = model.labels >= 6
+    alone = vprtempo.train(vprtempo.input_spikes(model.patches[last]), model.labels[last] - 6)
+    np.testing.assert_array_equal(modules[2].output.weights, alone.output.weights)

@@ -54,7 +54,6 @@ def absent(bench: Bench) -> list[dict[str, str]]:
             without.setdefault(row.no_energy, []).append(row.name)
     rows += [(f"energy of {', '.join(names)}, measured", reason) for reason, names in without.items()]
     rows += [(f"{name}, modelled energy and time", row.unavailable or "") for name, row in bench.targets.items()]
-    rows += [(f"{row.name}, as a peer", row.absent) for row in bench.peers]
     if bench.workload is None and "workload" not in bench.failed:
         rows += [("workload metrics", "they are defined on integer networks; this model is a float one")]
     if not bench.peers and "peers" not in bench.failed:

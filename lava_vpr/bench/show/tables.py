@@ -273,7 +273,7 @@ def counted(bench: Bench) -> Table:
 def peers(rows: Sequence[Peer]) -> Table:
     """Other matchers on the same images."""
     cells = []
-    for peer in (row for row in rows if not row.absent):
+    for peer in rows:
         at, rate = figures_of(peer.metrics), figure(peer.queries_per_second)
         cells.append((peer.name, at[0], at[3], at[5], rate, f"{peer.threads}", size(peer.bytes), peer.what))
     heads = ("matcher", "R@1", "R@100P", "AUC", "queries/s", "threads", "of references", "what")

@@ -145,7 +145,6 @@ def bench(**changes: Any) -> Bench:
         "workload": Workload(98_000, 78_400, 0.58, 0.981, 1e5, 0.0, 3e4, 2.06e4),
         "peers": (
             Peer("sad", "sum of absolute differences (the paper's baseline)", metrics(5), 81_000.0, 2, 78_400, 10),
-            Peer("brian2", "VPRSNN's network", absent="Brian2 is not installed"),
         ),
         "sweep": tuple(candidates),
         "events": {"synaptic_operations": 30211.25, "input_spikes": 1000.0},
