@@ -17,9 +17,10 @@ from support.common.small_models import encoded, small_model, tiny_paper
 
 from benchmarks.places import SECTIONS, TEMPLATES, encoded as real, images_of, learn
 from lava_vpr import model as model_file
-from lava_vpr.backends import lava, registry as backends, verification
+from lava_vpr.backends import comparing, lava, registry as backends
+from lava_vpr.backends.comparing import compare
 from lava_vpr.backends.interface import HostBackend, Presentations, query_presentations
-from lava_vpr.backends.verification import Verdict, compare, verify
+from lava_vpr.backends.verification import Verdict, verify
 from lava_vpr.cli import main
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
@@ -126,7 +127,7 @@ def test_every_spike_of_the_front_end_is_compared(here: Path, monkeypatch: pytes
     run("train", "reference", "-o", "f.lvpr", "--input", "frontend", "--learning", "template")
     monkeypatch.setattr(backends, "get", lambda name, threads=1, advance=None: HostBackend())
     monkeypatch.setattr(lava, "run_isolated", in_lavas_place)
-    monkeypatch.setattr(verification, "AT_ONCE", 2)
+    monkeypatch.setattr(comparing, "AT_ONCE", 2)
     asked = ("verify", "f.lvpr", "query", "--limit", 3, "--backend", "lava-fixed", "--backend", "lava-fused")
     result = run(*asked, "--json", "v.json")
     values = json.loads(Path("v.json").read_text())["backends"]

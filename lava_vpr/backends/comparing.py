@@ -1,0 +1,188 @@
+"""The comparison of a backend with the host: spikes of every population, and products of activity and gains."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lava_vpr.backends.asking import Asking
+from lava_vpr.backends.interface import AT_ONCE, Advance, Presentations, RunFrontEnd, RunGains, front_end_of
+from lava_vpr.config import EncoderConfig
+from lava_vpr.encoding import EncodedTraverse, query_rates16
+from lava_vpr.engine.gains import FULL, digits_of
+from lava_vpr.errors import InputError
+from lava_vpr.inputs.encoder import Keep
+from lava_vpr.model import Model
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """The first spike in which a backend differs from the host: where, and what each of them says (0 or 1).
+
+    For a backend that tells counts only, the first count that differs; ``step`` is then None, as it is of activity
+    under gains.
+    """
+
+    query: str
+    step: int | None
+    population: str
+    neuron: int
+    host: float
+    backend: float
+
+    def __str__(self) -> str:
+        where = "" if self.step is None else f" step {self.step},"
+        return (
+            f"query {self.query},{where} population {self.population}, neuron {self.neuron}: "
+            f"host {self.host:.9g}, backend {self.backend:.9g}"
+        )
+
+
+class SpikesCompared(NamedTuple):
+    """What a comparison found.
+
+    Attributes:
+        spikes: Spikes of the host that were compared, by population.
+        differing: How many (query, step, neuron) differ.
+        first: The first of them by query and step.
+    """
+
+    spikes: dict[str, int]
+    differing: int = 0
+    first: Mismatch | None = None
+
+
+def compare(
+    host: Mapping[str, NDArray[np.uint8]], other: Mapping[str, NDArray[np.uint8]], names: Sequence[str]
+) -> SpikesCompared:
+    """Compare the trains (n, steps, neurons) of the populations that both have.
+
+    Raises:
+        InputError: the trains are of different shapes, so nothing can be compared.
+    """
+    compared: dict[str, int] = {}
+    differing, first = 0, []
+    for order, (population, ours) in enumerate(host.items()):
+        if population not in other:
+            continue
+        theirs = other[population]
+        if ours.shape != theirs.shape:
+            raise InputError(
+                f"{population} trains of shape {theirs.shape} instead of {ours.shape}; the backend runs another network"
+            )
+        compared[population] = int(ours.sum(dtype=np.int64))
+        where = np.argwhere(ours != theirs)
+        differing += len(where)
+        for query, step, neuron in where[:1].tolist():
+            said = (int(each[query, step, neuron]) for each in (ours, theirs))
+            first.append(((query, step, order), Mismatch(names[query], step, population, neuron, *said)))
+    return SpikesCompared(compared, differing, min(first, key=lambda pair: pair[0])[1] if first else None)
+
+
+class FrontEndQueries(NamedTuple):
+    """What a model's front end is shown.
+
+    Attributes:
+        model: The model.
+        views: The queries in each of their views, with what pixels take of them (`Keep.GREY`).
+        asked: Makes their presentations, view after view, of their activity.
+    """
+
+    model: Model
+    views: Sequence[EncodedTraverse]
+    asked: Callable[[Sequence[EncodedTraverse]], Presentations]
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all images, view after view."""
+        return [name for view in self.views for name in view.names]
+
+    @property
+    def blocks(self) -> list[tuple[NDArray[np.uint8], list[str]]]:
+        """What pixels take of some images at a time, uint8 (n, height, width), and their names."""
+        grey = np.concatenate([view.kept(Keep.GREY, "comparing the front end") for view in self.views])
+        starts = range(0, len(grey), AT_ONCE)
+        return [(grey[start : start + AT_ONCE], self.names[start : start + AT_ONCE]) for start in starts]
+
+
+def compare_front_ends(
+    run: RunFrontEnd | None, shown: FrontEndQueries | None, advance: Advance | None
+) -> SpikesCompared:
+    """Compare what a backend's front end makes of the images, some at a time, with the host's."""
+    if run is None or shown is None:
+        return SpikesCompared({})
+    spec, blocks = front_end_of(shown.model), shown.blocks
+    films = run(shown.model, (grey for grey, _ in blocks), advance)
+    found = [compare(spec.trains(grey), theirs, names) for (grey, names), theirs in zip(blocks, films, strict=True)]
+    spikes = {population: sum(each.spikes[population] for each in found) for population in found[0].spikes}
+    first = next((each.first for each in found if each.first is not None), None)
+    return SpikesCompared(spikes, sum(each.differing for each in found), first)
+
+
+def of_own_cells(run: RunFrontEnd, shown: FrontEndQueries, advance: Advance | None) -> Presentations:
+    """The queries as presented where a backend's own front end decides their activity."""
+    films = run(shown.model, (grey for grey, _ in shown.blocks), advance)
+    activity = np.concatenate([film["cells"].sum(axis=1, dtype=np.float32) for film in films])
+    parts = np.split(activity, len(shown.views))
+    return shown.asked([replace(view, activity=part) for view, part in zip(shown.views, parts, strict=True)])
+
+
+GAINED = "inputs under gains"
+"""What is called a population where products of activity and gain differ."""
+
+
+class GainedQueries(NamedTuple):
+    """What queries are presented with under gains.
+
+    Attributes:
+        names: Name of each presentation.
+        activity: Without gains, float32 (n, inputs).
+        gains: Of each epoch, uint8 (epochs, inputs).
+        epoch: Of each presentation, int32 (n,).
+        encoder: Settings of the inputs.
+    """
+
+    names: Sequence[str]
+    activity: NDArray[np.float32]
+    gains: NDArray[np.uint8]
+    epoch: NDArray[np.int32]
+    encoder: EncoderConfig
+
+    @classmethod
+    def of(cls, model: Model, asking: Asking, views: Sequence[EncodedTraverse]) -> GainedQueries | None:
+        """Those of queries in each of their views; None where inputs have no gains."""
+        n, encoder = len(views[0]), model.config.encoder
+        if asking.replay is not None:
+            gains, epoch = asking.replay.gains, asking.replay.epoch[:n]
+        elif asking.season is not None:
+            gains, epoch = asking.season.gains[None], np.zeros(n, np.int32)
+        else:
+            return None
+        names, activity = views[0].names * len(views), np.concatenate([view.activity for view in views])
+        return cls(names, activity, gains, np.tile(epoch, len(views)), encoder)
+
+
+def compare_gains(
+    run: RunGains | None, queries: GainedQueries | None, shown: Presentations, advance: Advance | None
+) -> tuple[Presentations, int, SpikesCompared]:
+    """Compare activity times gain on a backend with the host's, and present what follows from the backend's.
+
+    Returns:
+        The presentations, how many products were compared, and what differs.
+    """
+    if run is None or queries is None:
+        return shown, 0, SpikesCompared({})
+    gains, whole = queries.gains[queries.epoch], digits_of(queries.activity)
+    ours = queries.activity * gains.astype(np.float32)
+    theirs = whole.activity(run(whole.digits, queries.gains, queries.epoch, advance))
+    where, lessened, rates = np.argwhere(ours != theirs), (gains < FULL).any(axis=1), shown.rates.copy()
+    rates[lessened] = query_rates16(theirs[lessened], queries.encoder)
+    first = [
+        Mismatch(queries.names[query], None, GAINED, which, float(ours[query, which]), float(theirs[query, which]))
+        for query, which in where[:1].tolist()
+    ]
+    return replace(shown, rates=rates), ours.size, SpikesCompared({}, len(where), next(iter(first), None))
