@@ -43,6 +43,7 @@ from lava_vpr.engine.random import presentation_keys
 from lava_vpr.errors import InputError
 from lava_vpr.inputs.encoder import Keep
 from lava_vpr.model import integer_model
+from lava_vpr.show.numbers import counted
 from lava_vpr.show.table import Table
 from lava_vpr.storage.writing import temporary_folder
 
@@ -267,4 +268,5 @@ def main(bundles: Sequence[Path], presentations: int, real: bool) -> Printed:
             spikes += result.spikes
     columns = ("", "cores", "synapses", "axons", "spikes", "differ", "counters differ")
     yield Table(columns, rows, title="registers of bundles in nengo-loihi's emulator, and the host")
-    yield from verdict(failed, f"{len(rows)} bundles, {spikes:,} spikes: each spike and counter is the host's")
+    ran = counted(len(rows), "bundle")
+    yield from verdict(failed, f"{ran}, {spikes:,} spikes: each spike and counter is the host's")

@@ -86,7 +86,7 @@ _NOTE = (
 @themed()
 def drawing(found: Layers) -> str:
     """The layers as SVG for a page."""
-    spikes = ", ".join(f"{int(film.sum()):,} of {name}" for name, film in found.trains.items())
+    spikes = ", ".join(f"{int(film.sum()):,} of {_sources(name)}" for name, film in found.trains.items())
     return to_svg(_figure(found), "layers", f"Layers of the front end in {found.spec.steps} steps; spikes: {spikes}")
 
 
@@ -190,6 +190,11 @@ def _tinted(axes: Axes, shares: NDArray[np.float64], colours: NDArray[np.float64
     axes.imshow(image, aspect="auto", interpolation="none", **options)
 
 
+def _sources(name: str) -> str:
+    """What spikes in a row of the raster: neurons of a population, or the axons at which events arrive."""
+    return "event axons" if name == "events" else name
+
+
 def _raster(axes: Axes, found: Layers) -> None:
     """Spikes of all populations over the steps, the larger ones by so many neurons a row."""
     spec, top = found.spec, 0
@@ -197,7 +202,7 @@ def _raster(axes: Axes, found: Layers) -> None:
     for name, film in found.trains.items():
         middle = top + _ROWS[name] / 2
         _band(axes, found, name, top)
-        axes.text(-0.8, middle, f"{film.shape[1]:,} {name}", ha="right", va="center", **small)
+        axes.text(-0.8, middle, f"{film.shape[1]:,} {_sources(name)}", ha="right", va="center", **small)
         axes.text(spec.steps, middle, f"{int(film.sum()):,}", va="center", **small)
         top += _ROWS[name] + _GAP
     begins = {

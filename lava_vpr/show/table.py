@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,9 @@ _LATEX = {
     "^": r"\textasciicircum{}",
     **{mark: f"\\{mark}" for mark in "&%$#_{}"},
 }
+
+_NARROWEST = 18
+"""Characters that a long column keeps on a narrow terminal."""
 
 
 @dataclass(frozen=True)
@@ -59,13 +62,21 @@ class Table:
         """Whether a column, by its index, holds words rather than figures."""
         return column < self.words or column in self.long
 
-    def terminal(self, columns: Iterable[int] | None = None, *, first: bool = True, last: bool = True) -> RichTable:
+    def terminal(
+        self,
+        columns: Iterable[int] | None = None,
+        *,
+        first: bool = True,
+        last: bool = True,
+        widest: int | None = None,
+    ) -> RichTable:
         """The table as rich prints it, without what is ``aside``.
 
         Args:
             columns: Columns of this part (`parts`), by index; None: all that a terminal shows.
             first: Whether the part has the title.
             last: Whether it has the notes.
+            widest: Characters of a long column before it wraps; None: the table's own.
         """
         from rich.table import Table as RichTable  # 60 ms: only the terminal needs it
 
@@ -77,7 +88,7 @@ class Table:
                 self.columns[k],
                 justify="left" if self.is_text(k) else "right",
                 no_wrap=k not in self.long,
-                max_width=self.widest if k in self.long else None,
+                max_width=(widest or self.widest) if k in self.long else None,
                 overflow="fold",
             )
         for k, row in enumerate(self._filled()):
@@ -88,8 +99,11 @@ class Table:
         return made
 
     def parts(self, width: int) -> list[RichTable]:
-        """The table as rich prints it at ``width`` characters: where it is wider, in parts below each other, each with
-        the columns of words."""
+        """The table as rich prints it at ``width`` characters.
+
+        Where it is wider, its long columns become narrower, down to `_NARROWEST` characters, and it comes in parts
+        below each other, each with the columns of words.
+        """
         from rich.cells import cell_len  # see `terminal`
 
         rows = [row for k, row in enumerate(self._filled()) if k not in self.aside]
@@ -98,16 +112,29 @@ class Table:
         wide = {k: 3 + max(map(cell_len, lines[k])) for k in shown}
         wide |= {k: min(wide[k], 3 + self.widest) for k in self.long & wide.keys() if self.widest is not None}
         words = [k for k in shown if k < max(1, self.words)]
-        room = width - 1 - sum(wide[k] for k in words)
+        room = width - 1 - sum(min(wide[k], 3 + _NARROWEST) if k in self.long else wide[k] for k in words)
         groups: list[list[int]] = [[]]
         for k in shown[len(words) :]:
             if groups[-1] and sum(wide[c] for c in (*groups[-1], k)) > room:
                 groups.append([])
             groups[-1].append(k)
         return [
-            self.terminal([*words, *group], first=number == 0, last=number == len(groups) - 1)
-            for number, group in enumerate(groups)
+            self.terminal(part, first=number == 0, last=number == len(groups) - 1, widest=self._room(part, wide, width))
+            for number, part in enumerate([*words, *group] for group in groups)
         ]
+
+    def _room(self, columns: Sequence[int], wide: Mapping[int, int], width: int) -> int | None:
+        """Characters that each long one of ``columns`` may have in ``width``; None if none of them is too wide.
+
+        Args:
+            columns: Columns of a part, by index.
+            wide: Characters of every column with its margins.
+            width: Of the terminal.
+        """
+        long = [k for k in columns if k in self.long]
+        if not long or sum(wide[k] for k in columns) < width:
+            return None
+        return max(_NARROWEST, (width - 1 - sum(wide[k] for k in columns if k not in long)) // len(long) - 3)
 
     def markdown(self) -> str:
         """The table in Markdown, without title and notes."""

@@ -6,6 +6,7 @@ import csv
 import io
 import re
 
+import pytest
 from rich.console import Console
 
 from lava_vpr.show.table import Table
@@ -77,6 +78,26 @@ def test_a_table_wider_than_the_terminal_comes_in_parts_with_its_words_in_each()
     assert captured.get().count("title") == captured.get().count("note") == 1
     assert len(table.parts(200)) == 1
     assert len(table.parts(1)) == 3  # a column of figures each
+
+
+@pytest.mark.parametrize(
+    ("width", "parts"),
+    [(120, 1), (60, 1), (45, 2)],
+    ids=["as wide as its text", "long text wraps more", "figures in parts, too"],
+)
+def test_long_text_gives_way_on_a_narrow_terminal(width: int, parts: int) -> None:
+    told = "spring and fall learned, summer recognised"
+    table = Table(("name", "task", "x", "y"), [("a", told, "1" * 8, "2" * 8)], words=2, long=frozenset({1}))
+    console = Console(width=width, record=True)
+    with console.capture() as captured:
+        made = table.parts(width)
+        for part in made:
+            console.print(part)
+    lines = captured.get().splitlines()
+    assert len(made) == parts
+    assert max(map(len, lines)) <= width
+    words = [re.split("[│┃]", line)[2].strip() for line in lines if line[0] == "│"]
+    assert " ".join(words) == " ".join([told] * parts)  # whole words, and none is lost
 
 
 def test_markdown() -> None:

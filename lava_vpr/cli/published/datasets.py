@@ -45,7 +45,7 @@ def _list() -> list[Table | str]:
     notes = ("lava-vpr datasets NAME: what to download, and the folders", "lava-vpr datasets NAME FOLDER: check them")
     columns = ("name", "dataset", "the paper's task", "sections", "places")
     rows = [(name, d.title, d.task, f"{d.sections} x {d.places}", _sampling(d)) for name, d in DATASETS.items()]
-    table = Table(columns, rows, notes, "benchmark datasets", words=5)
+    table = Table(columns, rows, notes, "benchmark datasets", words=5, long=frozenset({2}))
     return [table, *(f"{name}: {row.page}" for name, row in DATASETS.items())]
 
 

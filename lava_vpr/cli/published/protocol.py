@@ -115,7 +115,8 @@ def _list() -> Table:
         (name, row.title, *(f"{size:,}" for size in row.sizes), f"{row.tolerance}") for name, row in PROTOCOLS.items()
     ]
     notes = ("lava-vpr protocol NAME: which images, from where; lava-vpr protocol NAME FOLDER -o DIR: run it",)
-    return Table(("name", "protocol", "learned", "recognised", "places off"), rows, notes, words=2)
+    columns = ("name", "protocol", "learned", "recognised", "places off")
+    return Table(columns, rows, notes, words=2, long=frozenset({1}))
 
 
 def _told(row: Protocol) -> list[Table | str]:
