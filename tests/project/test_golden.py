@@ -88,3 +88,10 @@ def test_every_difference_is_told_by_its_case(tmp_path: Path) -> None:
     assert "    +note: other" in told
     shutil.rmtree(second / "asking")
     assert told_of(first, second) == ["asking/one: is not there any more"]
+
+
+def test_no_recorded_table_is_wider_than_a_terminal() -> None:
+    outputs = [parts["stdout"] for parts in read().values() if "stdout" in parts]
+    lines = [line for output in outputs if isinstance(output, list) for line in output if line[:1] in tuple("┏┃┡│├└")]
+    assert len(lines) > 2000
+    assert [line for line in lines if len(line) > 80] == []

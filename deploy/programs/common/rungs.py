@@ -4,7 +4,7 @@ A network has inputs that spike in every step, or never, and one inhibitory neur
 are worked out here in whole numbers, step by step, from nothing but the rung. This needs nothing but Python.
 """
 
-from typing import List, NamedTuple
+from typing import Any, List, NamedTuple
 
 SHIFT, DECAY_BITS = 6, 12
 
@@ -25,6 +25,10 @@ class Rung(NamedTuple):
     decay: int
     lateral: int
     presentations: int
+
+    def built(self, networks: Any) -> Any:
+        """Its network and what is sent to it, by what builds small networks of a board: inputs injected."""
+        return networks.of_inputs(self)
 
     def counts(self, steps: int, silent: int) -> List[List[int]]:
         """Those of each presentation of ``steps`` steps with input, which the next step feels, and silent ones."""

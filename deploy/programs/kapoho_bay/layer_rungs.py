@@ -4,7 +4,7 @@ A watcher spikes in every step until the neuron that it watches silences it: its
 This needs nothing but Python.
 """
 
-from typing import List, NamedTuple, Tuple
+from typing import Any, List, NamedTuple, Tuple
 
 from rungs import SHIFT, decayed
 
@@ -47,6 +47,10 @@ class LayerRung(NamedTuple):
     def counts(self, steps: int, silent: int) -> List[List[int]]:
         """Those of each presentation of so many steps, the silent ones included: biases stay."""
         return [self._presented(biases, steps + silent) for biases in self.biases]
+
+    def built(self, networks: Any) -> Any:
+        """Its network and what is sent to it, by what builds small networks of a board: neurons driven by biases."""
+        return networks.of_biases(self)
 
     def _presented(self, biases: List[int], steps: int) -> List[int]:
         u, v, counts, arriving = ([0 for _ in self.neurons] for _ in range(4))

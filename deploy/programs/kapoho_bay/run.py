@@ -51,20 +51,11 @@ try:
     from board_ways import WAYS
     from bundle_files import Bundle
     from ladder import Attempt
-    from layer_rungs import LayerRung, layer_rungs
+    from layer_rungs import layer_rungs
     from refusals import Refused, told
     from result_files import Results, put
     from simulated import Simulation
-    from small_network import (
-        format_rungs,
-        formats_of,
-        layer_forms,
-        layer_network,
-        layer_queries,
-        small_network,
-        small_queries,
-        tables_rung,
-    )
+    from small_network import SmallNetworks, tables_rung
     from watchdog import GRACE, Watchdog
 except Exception as damage:
     place = os.path.dirname(os.path.abspath(__file__))
@@ -127,23 +118,16 @@ class KapohoBay(host.Host):
     def further(self) -> List[Any]:
         """A rung for every format of synapses that the bundle has and no other rung uses, and for every layer of its
         front end."""
+        self.small = SmallNetworks(self.network)
+        layers = layer_rungs(self.network.steps, heard=self.network.direct) if self.small.layers else []
         if self.network.direct:
-            self.layers = layer_forms(self.network)
-            return list(layer_rungs(self.network.steps, heard=True))
-        bits, signed, size, exponent = self.bundle.numbers("bits", "signed", "inhibition", "inhibition_exponent")
-        self.forms = formats_of(self.network)
-        self.own = format_rungs(self.forms, bits, bool(signed), size << exponent)
-        self.layers = layer_forms(self.network)
-        layers = layer_rungs(self.network.steps) if self.layers else []
-        return [*(rung for rung, _ in self.own.values()), tables_rung(bits), *layers]
+            return list(layers)
+        formats = [rung for rung, _ in self.small.own.values()]
+        return [*formats, tables_rung(*self.bundle.numbers("bits")), *layers]
 
     def plain(self) -> List[Any]:
         """None where nothing is injected: rungs of the layers show what such a bundle needs."""
         return [] if self.network.direct else super().plain()
-
-    def single(self) -> dict:
-        """The format of single synapses, as those of counters are."""
-        return self.layers["counters"][0] if self.network.direct else self.forms.single[0]
 
     def use(self, ways: FrozenSet[str]) -> None:
         """The network that is configured knows them."""
@@ -161,12 +145,7 @@ class KapohoBay(host.Host):
 
     def ask(self, rung: Any) -> np.ndarray:
         """On one core."""
-        if isinstance(rung, LayerRung):
-            small = layer_network(self.network, self.single(), self.layers[rung.layer], rung)
-            queries = layer_queries(small, rung)
-        else:
-            small = small_network(self.network, self.forms, rung, self.own.get(rung.name, (rung, None))[1])
-            queries = small_queries(small, rung)
+        small, queries = rung.built(self.small)
         if self.options.simulate:
             return np.array([Simulation(small).counts(query) for query in queries])
         results = Results(len(queries), small.neurons)

@@ -1,7 +1,7 @@
 """The small network of a rung on one core, in the synapse formats of the bundle."""
 
 from types import SimpleNamespace
-from typing import Any, Dict, List, NamedTuple, Optional
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -133,6 +133,33 @@ def small_network(network: Network, forms: Forms, rung: Rung, own: Optional[dict
     formats = [None, of_inputs, root if rung.lateral else None, single] + [own] * (own is not None)
     ballast = max(table_bytes(network, chip) for chip in network.chips) if rung.name == TABLES else 0
     return _on_one_core(network, [EXC] * n + [COUNTED] * n + [INH], neurons, formats, rows, axons, inputs, n, ballast)
+
+
+class SmallNetworks:
+    """Builds the networks of rungs in the synapse formats of a bundle.
+
+    `layers` are the formats of each layer of its front end; `own`, by name, the rungs about a format, each with that
+    format. A bundle whose neurons hear the front end has no formats but the layers'.
+    """
+
+    def __init__(self, network: Network) -> None:
+        self.network, self.layers = network, layer_forms(network)
+        self.forms, self.own = Forms([], [], []), {}  # type: Forms, Dict[str, tuple]
+        if not network.direct:
+            bits, signed, size, exponent = network.bundle.numbers("bits", "signed", "inhibition", "inhibition_exponent")
+            self.forms = formats_of(network)
+            self.own = format_rungs(self.forms, bits, bool(signed), size << exponent)
+
+    def of_inputs(self, rung: Rung) -> Tuple[Any, list]:
+        """The network of a rung whose inputs are injected, and what is sent to it."""
+        small = small_network(self.network, self.forms, rung, self.own.get(rung.name, (rung, None))[1])
+        return small, small_queries(small, rung)
+
+    def of_biases(self, rung: LayerRung) -> Tuple[Any, list]:
+        """The network of a rung of a layer, which biases drive, and what is sent to it."""
+        single = self.layers["counters"][0] if self.network.direct else self.forms.single[0]
+        small = layer_network(self.network, single, self.layers[rung.layer], rung)
+        return small, layer_queries(small, rung)
 
 
 def layer_forms(network: Network) -> Dict[str, List[dict]]:
