@@ -1,9 +1,9 @@
-"""Where the populations of the spiking front end stand: on cores of their own, in rows that share no weights.
+"""Placement of the spiking front end's populations on cores of their own, with rows that share no weights.
 
-No board's program runs them yet (docs/network.md): this counts what they take of its public limits. Each population
-stands on as few cores as hold its neurons in order, each core as many as compartments, input axons and synapse memory
-let. Rows are sparse: a synapse is a weight, its sign and an index. A weight of more bits is two synapses, its upper
-part in a row of its own with an exponent: no row has two synapses to one neuron.
+No board's program runs them yet (docs/network.md): this counts what they take of its public limits. Each population is
+on as few cores as hold its neurons in order; compartments, input axons and synapse memory limit the neurons of a core.
+Rows are sparse: a synapse is a weight, its sign and an index. A weight of more bits is stored as two synapses, its
+upper part in a separate row with an exponent, so that no row has two synapses to one neuron.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ Rows = Mapping[Way, csr_matrix]
 EVENTS = "events"
 """The source of synapses whose spikes come from a camera."""
 NO_AXONS = "no public source shows how events of a camera come to axons of the chip"
-"""Why no bundle holds a front end that events drive."""
+"""The reason why no bundle holds a front end that events drive."""
 LIMITS = ("compartments", "axons in", "synapse memory")
-"""Limits of a core, as `PlacedPopulation.binds` has them."""
+"""Limits of a core, as `PlacedPopulation.binds` names them."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,10 @@ class PlacedPopulation:
 
     Attributes:
         neurons: Its neurons.
-        stored: Synapses to them as the board stores them, two for a weight of too many bits.
+        stored: Stored synapses to them; two for a weight of too many bits.
         starts: The first neuron of each core, int64 (cores,).
-        binds: What one more neuron on its fullest core would exceed; empty if one core holds all.
-        compartments, axons_in, memory, axons_out: What a core takes at most; memory as a share of it, 0..1.
+        binds: The limit that one more neuron on its fullest core would exceed; empty if one core holds all.
+        compartments, axons_in, memory, axons_out: Largest use of a core; memory as a share, 0..1.
     """
 
     neurons: int
@@ -89,7 +89,8 @@ class PlacedFrontEnd:
         return sum(each.cores for each in self.populations.values())
 
     def exceeded(self, others: int = 0) -> str:
-        """What does not fit beside a network on ``others`` cores, or could not stand anywhere; empty if all fits."""
+        """The limit that the front end exceeds beside a network on ``others`` cores, or on any core; empty if it
+        fits."""
         have = self.board.chips * self.board.cores
         for name, each in self.populations.items():
             if each.axons_out > self.board.axons_out:
@@ -112,7 +113,7 @@ class PlacedFrontEnd:
 
 
 def placed(spec: FrontEnd, board: Board) -> PlacedFrontEnd:
-    """The front end on cores of ``board``, each population by itself."""
+    """Place the front end on cores of ``board``, each population separately."""
     rows = stored_rows(spec, board)
     most = dict.fromkeys(spec.populations, board.compartments)
     to = {name: [each for way, each in rows.items() if way[1] == name] for name in most}
@@ -131,7 +132,7 @@ def placed(spec: FrontEnd, board: Board) -> PlacedFrontEnd:
 
 
 def _axons_out(name: str, rows: Rows, found: Mapping[str, PlacedPopulation]) -> int:
-    """Most output axons of a core of a population: one of each neuron for each of its rows; counters have none."""
+    """Most output axons of a population's core: one for each row of each neuron; counters have none."""
     sent = [on_cores(row, found[target].starts) for (source, target, _), row in rows.items() if source == name]
     if not sent:
         return 0
@@ -145,10 +146,12 @@ def largest_weight(board: Board) -> int:
 
 
 def stored_rows(spec: FrontEnd, board: Board) -> dict[Way, csr_matrix]:
-    """Weights of either sign as rows of ``board`` have them: times 2^exponent those of a synapse add up to its own.
+    """Weights of either sign as rows of ``board`` store them: the stored weights of a synapse, times 2^exponent, add up
+    to its weight.
 
-    As no threshold of the chip is 0, one of 0 is 1 there, and what excites its neurons is twice as much. What silences
-    for a presentation is one synapse's most, so that an accumulator holds it and all else of a step.
+    The chip has no threshold of 0: it becomes 1, and excitatory weights to its neurons are doubled. A weight that
+    silences for a presentation becomes the largest of one synapse, so that an accumulator holds it with everything else
+    of a step.
     """
     groups, largest, found = populations(spec), largest_weight(board), {}
     events = {(EVENTS, "pixels"): event_synapses(spec)} if spec.window else {}
@@ -167,14 +170,15 @@ def stored_rows(spec: FrontEnd, board: Board) -> dict[Way, csr_matrix]:
 
 
 def on_cores(synapses: csr_matrix, starts: Integers) -> csr_matrix:
-    """How many of the ``synapses`` (post, pre) end on each core, (cores, pre), whose first neurons are ``starts``."""
+    """Number of ``synapses`` (post, pre) that end on each core, (cores, pre); ``starts`` are the cores' first
+    neurons."""
     ends = np.append(starts, synapses.shape[0])
     members = csr_matrix((np.ones(ends[-1], np.int32), np.arange(ends[-1]), ends))
     return members @ synapses.astype(bool)
 
 
 def _on_cores(board: Board, neurons: int, at_once: int, rows: Sequence[csr_matrix]) -> PlacedPopulation:
-    """A population to which these rows lead, in order, on as few cores as hold it, at most ``at_once`` neurons each."""
+    """A population with these rows, in order on as few cores as hold it, at most ``at_once`` neurons each."""
     starts, most, binds, start = [], np.zeros(3), "", 0
     while start < neurons:
         least, end = start + 1, min(neurons, start + at_once)
@@ -193,7 +197,7 @@ def _on_cores(board: Board, neurons: int, at_once: int, rows: Sequence[csr_matri
 
 
 def _taken(board: Board, rows: Sequence[csr_matrix], start: int, end: int) -> tuple[int, int, int]:
-    """Compartments, input axons and memory of a core with the neurons ``start`` .. ``end - 1``."""
+    """Compartments, input axons and memory that the neurons ``start`` .. ``end - 1`` take of a core."""
     counts = []
     for each in rows:
         sizes = np.bincount(each.indices[slice(*each.indptr[[start, end]])])
@@ -204,6 +208,6 @@ def _taken(board: Board, rows: Sequence[csr_matrix], start: int, end: int) -> tu
 
 
 def _exceeded(board: Board, taken: tuple[int, int, int]) -> str:
-    """The first limit of a core that this is above; empty if none."""
+    """The first limit of a core that is exceeded; empty if none."""
     limits = (board.compartments, board.axons_in, board.memory.capacity)
     return next((name for name, need, limit in zip(LIMITS, taken, limits, strict=True) if need > limit), "")

@@ -1,7 +1,7 @@
-"""The placed front end as the content of every core's registers and memory, with what the host must know of it.
+"""The placed front end as registers and memory of every core, with the tables by which the host addresses them.
 
-Cores have what the place network's have (`lava_vpr.deploy.registers.core_images`): each population is a profile and a
-threshold, each row of memory the synapses of a neuron to one core in one format.
+Cores have the same content as the place network's (`lava_vpr.deploy.registers.core_images`): a profile and a threshold
+for each population, and a row of memory for the synapses of a neuron to one core in one format.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ Places = Mapping[str, NDArray[np.int32]]
 
 @dataclass(frozen=True)
 class FrontEndImages:
-    """The front end as a board gets it: cores by chip and core, and where its neurons stand."""
+    """The front end as it is written to a board: the images of its cores, and the addresses of its neurons."""
 
     cores: tuple[CoreImage, ...]
     tables: Places
 
 
 def front_end_images(spec: FrontEnd, board: Board, taken: Sequence[tuple[int, int]]) -> FrontEndImages:
-    """The front end on the first cores of ``board`` that are not ``taken``, by chip and core.
+    """Images of the front end on the first cores of ``board`` that are not ``taken``.
 
     Raises:
-        NetworkLimitError: it cannot stand there, or events drive its pixels, for which there are no axons.
+        NetworkLimitError: it does not fit there, or events drive its pixels, for which no axons are implemented.
     """
     if spec.window:
         raise NetworkLimitError(NO_AXONS)
@@ -66,13 +66,13 @@ def front_end_images(spec: FrontEnd, board: Board, taken: Sequence[tuple[int, in
 
 
 def _free(board: Board, taken: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """The cores of ``board`` that nothing stands on, by chip and core."""
+    """The unused cores of ``board``, by chip and core."""
     every = ((chip, core) for chip in range(board.chips) for core in range(board.cores))
     return [core for core in every if core not in set(taken)]
 
 
 def _tables(plan: PlacedFrontEnd, free: Sequence[tuple[int, int]]) -> Places:
-    """Where every neuron stands, if populations take the ``free`` cores one after another."""
+    """The address of every neuron, with populations on the ``free`` cores one after another."""
     tables, first = {}, 0
     for name, each in plan.populations.items():
         here = np.array(free[first : first + each.cores], np.int32)
@@ -138,7 +138,8 @@ def _stored(weights: csc_matrix, exponent: int, formats: Formats, board: Board) 
 def _axons_out(
     name: str, axons: Mapping[Way, NDArray[np.int64]], tables: Places, plan: PlacedFrontEnd
 ) -> NDArray[np.int64]:
-    """Source neuron of the population ``name``, and chip, core and axon of each of its ways, int64 (axons, 4)."""
+    """Source neuron of the population ``name``, and chip, core and input axon of each of its paths, int64 (axons,
+    4)."""
     found = [np.zeros((0, 4), np.int64)]
     for (source, target, _), numbers in axons.items():
         if source == name:

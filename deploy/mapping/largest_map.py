@@ -1,9 +1,9 @@
 """The largest map that fits a board.
 
-Two networks are asked about: a typical one, with as many weights that are not 0 as real ones have, and the costliest,
-in which every input has a weight to every neuron. And two ways of counting rows: *sparse* alone, each synapse with its
-index, as public sources show; or also *dense*, without, which nobody has shown on a board. Nor has anybody shown
-weights of fewer than 8 bits, sign included.
+The largest map is computed for two networks: a typical one, with as many weights that are not 0 as real ones have, and
+the most expensive one, in which every input has a weight to every neuron. Rows are counted in two ways: only *sparse*,
+each synapse with its index, as public sources show; or also *dense*, without indices, which no public source shows on a
+board. No public source shows weights of fewer than 8 bits, sign included, either.
 """
 
 from __future__ import annotations
@@ -56,13 +56,14 @@ MEAN_MAGNITUDE = 0.13
 """Mean magnitude of these weights, in units of the largest integer weight; without signs 0.10."""
 
 DRIVE = 0.35
-"""What an input spike of its own place brings a neuron beyond the mean of all places, in the same units."""
+"""Additional input of a neuron from an input spike of its own place, compared with the mean of all places, in the same
+units."""
 
 _KINDS = 8
-"""Kinds of inputs of an eighth that a typical network has: enough that no core is a special one."""
+"""Kinds of inputs per eighth of a typical network: enough that all cores are alike."""
 
 _MOST = 1 << 17
-"""Neurons beyond which no map is looked for."""
+"""Most neurons of a map that is considered."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ class Capacity:
 
     @property
     def proven(self) -> bool:
-        """Whether public sources show how rows are stored that are counted so."""
+        """Whether public sources show rows stored in this way."""
         return self.rows == "sparse" and not self.narrow
 
 
@@ -173,7 +174,7 @@ def largest(config: Config, board: Board, rows: RowKind = "sparse", weights: Ful
 
 
 def _at_most(config: Config, board: Board, rows: RowKind, weights: Fullness) -> int:
-    """Places that no map exceeds: what all cores hold if only excitatory neurons stand on them."""
+    """Upper bound of the places: all cores hold only excitatory neurons."""
     many = 1000
     neurons = sum(stretch.neurons for stretch in split(many, config))
     held = board.chips * board.cores * board.compartments // (1 + board.counters)
@@ -188,7 +189,7 @@ def _at_most(config: Config, board: Board, rows: RowKind, weights: Fullness) -> 
 
 
 def _sizing(config: Config, board: Board, places: int, rows: RowKind, weights: Fullness) -> Sizing | str:
-    """The network of so many places, or what forbids it wherever its neurons stand."""
+    """The network of so many places, or the limit that forbids it on any cores."""
     try:
         sizing = sizing_of(config, board, places, rows, weights)
         if places == 2:
@@ -200,16 +201,16 @@ def _sizing(config: Config, board: Board, places: int, rows: RowKind, weights: F
 
 
 def _cores(sizing: Sizing) -> int | None:
-    """Cores of a network; the least, where little of the board is public. None: it does not fit."""
+    """Cores of a network, or a lower bound where little of the board is public; None: it does not fit."""
     return fewest_cores(sizing) if sizing.board.memory.public else least_cores(sizing)
 
 
 MapCase = tuple[Config, RowKind, Fullness]
-"""Settings, a way of counting rows, and a network, of which `largest` is asked."""
+"""Settings, a way of counting rows, and a network, for which `largest` computes a map."""
 
 
 def cases(config: Config, board: Board, weight_bits: int | None) -> tuple[MapCase, ...]:
-    """What maps are looked for: all ways of counting rows on ``board``, and both networks.
+    """All cases on ``board``: every way of counting rows, and both networks.
 
     Args:
         config: The settings.
@@ -229,7 +230,7 @@ def cases(config: Config, board: Board, weight_bits: int | None) -> tuple[MapCas
 def table(
     config: Config, board: Board, weight_bits: int | None = None, told: Callable[[str], None] = lambda text: None
 ) -> tuple[Capacity, ...]:
-    """`largest` of all `cases`; what public sources show comes first. ``told`` is told of each, in words."""
+    """`largest` of all `cases`, those that public sources show first; ``told`` is called with a description of each."""
     found: list[Capacity] = []
     for own, rows, weights in cases(config, board, weight_bits):
         found.append(largest(own, board, rows, weights))

@@ -1,5 +1,5 @@
-"""What stands on each core, what that needs and does in a step, and how its rows of inputs are stored: sparse, with
-indices, or, where that is allowed, dense, without indices."""
+"""Content of each core, its needs and load, and the format of its rows of inputs: sparse, with indices, or, where
+allowed, dense, without indices."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class StoredRows:
     Attributes:
         dense_inputs: Rows of the inputs that are dense, bool (inputs,).
         words: Words of these rows, of the root's and of the counters'.
-        added: Synaptic operations in a step that dense rows cost more than sparse ones, summed.
+        added: Additional synaptic operations in a step of dense rows, compared with sparse ones.
         dense, sparse: Synaptic operations of the inputs in a step.
     """
 
@@ -36,11 +36,12 @@ class StoredRows:
 
 
 def choose_formats(sizing: Sizing, first: int, end: int, words: int) -> StoredRows | None:
-    """How a core stores the rows to neurons ``first`` .. ``end - 1`` in at most ``words``; None: it cannot.
+    """The formats in which a core stores the rows to neurons ``first`` .. ``end - 1`` in at most ``words``; None if it
+    cannot.
 
     All rows are sparse, unless `Sizing.may_be_dense`: then those without a zero are dense, and where memory demands
-    more, rows turn dense in the order of words saved per operation added; what that saves beyond need is given back,
-    the last to turn first. Where there is no index for so many neurons, all count as dense.
+    more, rows turn dense in the order of words saved per operation added; if that saves more than needed, rows turn
+    back, the last one first. Where no index is wide enough for so many neurons, all rows count as dense.
     """
     size, counts = end - first, sizing.counts(first, end)
     all_dense = sizing.board.memory.sparse_bits(size) is None
@@ -66,7 +67,8 @@ def choose_formats(sizing: Sizing, first: int, end: int, words: int) -> StoredRo
 
 
 def _cheapest_choice(saved: NDArray[np.int64], added: Floats, need: int) -> list[int] | None:
-    """What to choose so that ``saved`` sums to ``need``, by most saved per ``added``; None: there is not so much."""
+    """The choice whose ``saved`` sums to at least ``need``, by most saved per ``added``; None if all together save
+    less."""
     candidates = np.flatnonzero(saved > 0)
     order = candidates[np.argsort(-saved[candidates] / added[candidates], kind="stable")]
     sums = np.cumsum(saved[order])
@@ -85,11 +87,11 @@ def _cheapest_choice(saved: NDArray[np.int64], added: Floats, need: int) -> list
 
 @dataclass(frozen=True)
 class CoreLayout:
-    """What stands on each core, and how the first k of them, with excitatory neurons, store their rows.
+    """Content of each core, and the formats of the rows on the first k cores, which have excitatory neurons.
 
     Attributes:
         sizing: The network and its board.
-        placed: What stands on each core.
+        placed: The neurons and inputs of each core.
         rows: How each of the k cores stores its rows.
     """
 
@@ -117,12 +119,13 @@ class CoreLayout:
 
     @cached_property
     def loads(self) -> tuple[Load, ...]:
-        """What each core is expected to do in a step."""
+        """The expected load of each core in a step."""
         return tuple(self._load(number) for number in range(self.placed.cores))
 
     @property
     def costs(self) -> tuple[float, float]:
-        """Operations in a step that dense rows add, all cores; and what a step keeps the busiest core busy."""
+        """Operations that dense rows add in a step on all cores, and the time for which a step keeps the busiest core
+        busy."""
         return sum(rows.added for rows in self.rows), max(load.busy for load in self.loads)
 
     def _own(self, number: int) -> tuple[int, slice, slice]:
@@ -131,13 +134,14 @@ class CoreLayout:
         return int(self.sizes[number]), slice(first, first + inh), slice(begin, begin + inputs)
 
     def _inh_axons(self, inh: slice) -> Integers:
-        """Output axons of some inhibitory neurons, int64: a leaf's one, and the root's to each of the k cores."""
+        """Output axons of some inhibitory neurons, int64: one of a leaf, and one of the root to each of the k cores."""
         axons = np.ones(self.sizing.network.inhibitory, np.int64)
         axons[-1] = len(self.rows) if self.sizing.inhibits else 0
         return axons[inh]
 
     def _heard(self, inh: slice) -> float:
-        """Spikes that arrive in a step at some inhibitory neurons: of excitatory ones, and of leaves at the root."""
+        """Expected spikes that arrive at some inhibitory neurons in a step: from excitatory ones, and at the root from
+        leaves."""
         sizing, network = self.sizing, self.sizing.network
         heard = sizing.listened * sizing.spiking
         if network.leaves:
@@ -145,7 +149,7 @@ class CoreLayout:
         return float(heard[inh].sum())
 
     def _load(self, number: int) -> Load:
-        """What a core is expected to do in a step."""
+        """The expected load of a core in a step."""
         sizing = self.sizing
         size, inh, inputs = self._own(number)
         spikes, inh_spikes, input_spikes = size * sizing.spiking, sizing.inh_spikes[inh], sizing.grains[inputs]
@@ -173,7 +177,7 @@ class CoreLayout:
         return Load(arriving, dense, sparse, updates, fired, leaving, float(busy))
 
     def needs(self, number: int) -> Needs:
-        """What a core's content takes of the limits: one profile and one threshold register for each population that is
+        """The resources that a core's content needs: one profile and one threshold register for each population that is
         present, and one synapse format for each kind of rows."""
         sizing, board = self.sizing, self.sizing.board
         size, inh, inputs = self._own(number)
@@ -243,7 +247,7 @@ class CoreLayout:
 
 
 def layout_of(sizing: Sizing, placed: Placed) -> CoreLayout | None:
-    """How the cores of ``placed`` store their rows; None if one cannot."""
+    """The layout of ``placed``; None if a core cannot store its rows."""
     words = np.full(placed.cores, sizing.board.memory.capacity)
     for number, (first, inh) in enumerate(placed.inh):
         words[number] -= sizing.listened[first : first + inh].sum()

@@ -1,21 +1,20 @@
-"""Which neurons stand on which core: few cores, then few operations, then the least busy core.
+"""Assignment of neurons to cores: fewest cores, then fewest operations, then the least load on the busiest core.
 
 The strategy, for k cores that hold excitatory neurons in consecutive ranges:
 
-1. **The least k.** What a range takes (compartments, axons, words with each row in its smaller format) grows with the
-   range, so if each core takes as many neurons as fit, k cores reach the farthest neuron that they can.
-2. **Even ranges.** The k ranges are equal where that fits, else the longest is as short as it can be.
-3. **Inhibitory neurons**, then **input compartments** (relays, or what integrates a bias) stand beside them as far as
-   there is room, the others on cores of their own.
+1. **The least k.** The needs of a range (compartments, axons, words with each row in its smaller format) grow with the
+range. So k cores reach the farthest neuron if each takes as many neurons as fit. 2. **Even ranges.** The k ranges are
+equal where that fits, else the longest is as short as possible. 3. **Inhibitory neurons**, then **input compartments**
+(relays, or what integrates a bias) are placed beside them as far as there is room, the others on cores of their own.
 
-More than the least k are tried as long as that can need fewer cores together: more cores with excitatory neurons leave
-more room beside them. Of the layouts on the fewest cores the one with the fewest operations is chosen, then the one
-with the least busy core. Where there is none, `refusal` names what the network lacks, and what helps.
+Larger k are tried as long as they can reduce the total of cores: more cores with excitatory neurons leave more room
+beside these. Of the layouts on the fewest cores the one with the fewest operations is chosen, then the one with the
+least busy core. If no layout fits, `refusal` names the resource that is exceeded, and remedies.
 
-Then cores are taken on the mesh of tiles, with few hops between them. Tile t of a chip is at column t // rows, row t %
-rows, as SANA-FE 2.2.9 numbers them; core c is on tile c // 4. A message crosses as many tiles as columns and rows lie
-between. How the chips of a board are joined is not public: they are taken to stand side by side, the second chip's
-column 0 beside the first one's last.
+Then the cores are placed on the mesh of tiles, with few hops between them. Tile t of a chip is at column t // rows, row
+t % rows, as SANA-FE 2.2.9 numbers them; core c is on tile c // 4. A message crosses as many tiles as there are columns
+and rows between. How the chips of a board are connected is not public: they are assumed to be side by side, the second
+chip's column 0 beside the first one's last.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 
 _UNITS = 1 << 20
-"""Steps from no message to the most messages between two cores, when exchanges are compared."""
+"""Levels of traffic between two cores, from none to the most, when exchanges are compared."""
 
 
 def tiles(cores: Integers, board: Board) -> Integers:
@@ -53,7 +52,7 @@ def tiles(cores: Integers, board: Board) -> Integers:
 
 
 def distances(cores: Integers, board: Board) -> Integers:
-    """Tiles between any two of ``cores`` (n, 2: chip, core), int64 (n, n)."""
+    """Hops between any two of ``cores`` (n, 2: chip, core), int64 (n, n)."""
     positions = tiles(cores, board)
     return np.asarray(np.abs(positions[:, None] - positions[None, :]).sum(axis=2))
 
@@ -61,15 +60,15 @@ def distances(cores: Integers, board: Board) -> Integers:
 def assign_cores(traffic: NDArray[np.float64], board: Board) -> tuple[Integers, float | None]:
     """Chip and core of each of a plan's cores.
 
-    Starts with the tiles of a corner, as near to a square as they come, in the order given; then exchanges the two
-    cores that save most, until none do. The first chip is filled before the second is touched.
+    The assignment starts with the tiles of a corner, as near to a square as possible, in the order given. Then the
+    exchange of two cores that saves most is made, until none saves any. The first chip is filled before the second is
+    used.
 
     Args:
         traffic: Expected messages in a step from core to core, float64 (cores, cores).
         board: The board; it has at least so many cores.
     Returns:
-        Chip and core, int64 (cores, 2); and expected tiles that messages cross in a step, None if the mesh is not
-        public.
+        Chip and core, int64 (cores, 2); and expected hops of messages in a step, None if the mesh is not public.
     """
     count = len(traffic)
     if board.mesh is None:
@@ -77,7 +76,7 @@ def assign_cores(traffic: NDArray[np.float64], board: Board) -> tuple[Integers, 
         return np.stack([numbers // board.cores, numbers % board.cores], axis=1), None
     candidates = _candidates(count, board, board.mesh.tile_cores)
     between = distances(candidates, board).astype(np.float64)
-    # Whole numbers: their sums are exact, so ties are ties on every machine.
+    # Whole numbers have exact sums, so ties are the same on every machine.
     scale = _UNITS / max(float(traffic.max(initial=0.0)), 1e-12)
     flow = np.zeros((len(candidates), len(candidates)))
     flow[:count, :count] = np.round((traffic + traffic.T) * scale)
@@ -87,7 +86,7 @@ def assign_cores(traffic: NDArray[np.float64], board: Board) -> tuple[Integers, 
 
 
 def _candidates(count: int, board: Board, tile_cores: int) -> Integers:
-    """Chips and cores that ``count`` cores may become, int64 (>= count, 2): whole chips, then a growing square."""
+    """Candidate chips and cores for ``count`` cores, int64 (>= count, 2): whole chips, then a growing square."""
     chips, left = [], count
     numbers = np.arange(board.cores)
     positions = tiles(np.stack([np.zeros_like(numbers), numbers], axis=1), board)
@@ -115,10 +114,10 @@ def _exchanged(flow: NDArray[np.float64], between: NDArray[np.float64]) -> Integ
 
 
 _EQUALLY_FEW = 4
-"""Ways on equally few cores that are compared."""
+"""Most layouts on equally few cores that are compared."""
 
 _EVERY = 8
-"""Numbers of cores with excitatory neurons that are all tried; beyond, ever fewer."""
+"""Up to this number of cores with excitatory neurons, every number is tried; above it, fewer and fewer."""
 
 
 def partition(
@@ -129,7 +128,7 @@ def partition(
     exc_spikes: float = EXC_SPIKES,
     dense_rows: bool = False,
 ) -> Plan:
-    """Put ``network`` on the cores of ``board``.
+    """Place ``network`` on the cores of ``board``.
 
     Args:
         network: The network.
@@ -158,7 +157,7 @@ def partition(
 
 
 def ways(sizing: Sizing) -> list[Placed]:
-    """Ways on the fewest cores that are found, by the number of cores with excitatory neurons."""
+    """Layouts on the fewest cores found, by the number of cores with excitatory neurons."""
     found: list[Placed] = []
     most = sizing.board.chips * sizing.board.cores
     greedy = longest(sizing, most, sizing.largest)
@@ -179,7 +178,7 @@ def ways(sizing: Sizing) -> list[Placed]:
 
 
 def fewest_cores(sizing: Sizing) -> int | None:
-    """Cores that a plan takes; None if the network does not fit."""
+    """Number of cores of a plan; None if the network does not fit."""
     found = ways(sizing)
     return found[0].cores if found else None
 
@@ -189,22 +188,22 @@ _TITLES = {
     "axons_out": "output axons",
     "synapse_words": "words of synapse memory",
 }
-"""The limits of a core that more cores relieve, as messages call them."""
+"""The limits of a core that more cores relieve, by their names in messages."""
 
 _STARTS = 1 << 10
 """Ranges that are sized at once."""
 
 _SHARES = (0.5, 0.6, 0.7, 0.8, 0.9)
-"""Shares of the weights that are tried to be pruned."""
+"""Shares of pruned weights that are tried as a remedy."""
 
 
 def refusal(sizing: Sizing) -> NetworkLimitError:
-    """Why a network does not fit, and what helps; every remedy that is named has been tried."""
+    """Why a network does not fit, with remedies, each of which has been tried."""
     return NetworkLimitError(f"{cause(sizing)}; {_remedy(sizing)}")
 
 
 def cause(sizing: Sizing) -> str:
-    """The resource that a network lacks, its need and its limit."""
+    """The resource that a network exceeds, with need and limit."""
     network, board = sizing.network, sizing.board
     cores = board.chips * board.cores
     total = (1 + sizing.counters) * network.neurons + network.inhibitory + network.input_compartments
@@ -251,7 +250,7 @@ def _without(board: Board, name: str) -> Board:
 
 
 def _least_needs(sizing: Sizing, neurons: int) -> dict[str, int]:
-    """What a core with so many neurons takes at least, whichever they are, without anything beside them."""
+    """The least needs of a core with any so many neurons and nothing else."""
     least = {"axons_in": UNLIMITED, "axons_out": 2 * neurons, "synapse_words": UNLIMITED}
     mask, count = sizing.pattern.mask, sizing.network.neurons
     if neurons > sizing.largest:
@@ -267,7 +266,7 @@ def _least_needs(sizing: Sizing, neurons: int) -> dict[str, int]:
 
 
 def _remedy(sizing: Sizing) -> str:
-    """The remedies that help, each tried."""
+    """The remedies that help; each has been tried."""
     network, board, remedies = sizing.network, sizing.board, []
     spikes = host_spikes(replace(network, bias_input=False), sizing.rates)
     if network.bias_input and spikes <= board.host_spikes and fewest_cores(_with(sizing, bias_input=False)):
@@ -302,7 +301,7 @@ def _remedy(sizing: Sizing) -> str:
 
 
 def _says_something(weights: NDArray[np.int16]) -> bool:
-    """Whether every neuron keeps a weight."""
+    """Whether every neuron keeps a weight after pruning."""
     return bool(weights.any(axis=0).all())
 
 

@@ -1,5 +1,5 @@
-"""Where neurons stand: excitatory ones in consecutive ranges, one a core, the fewest and even; inhibitory neurons and
-input compartments beside them as far as there is room, then on further cores."""
+"""Placement of neurons: excitatory ones in few, even, consecutive ranges, one per core; inhibitory neurons and input
+compartments beside them as far as there is room, then on further cores."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from lava_vpr.deploy.mapping.sizing import Floats, Integers, Sizing
 
 _AROUND = 12
-"""How far from the last range's size the next one's is looked for first."""
+"""Distance from the last range's size within which the next one's is searched first."""
 
 _CLOSE = 32
-"""Ranges within 1 / _CLOSE of the shortest are short enough."""
+"""The search for the shortest longest range stops within 1 / _CLOSE of it."""
 
 
 def fitting(sizing: Sizing, sizes: Integers, active: Integers, words: Integers) -> NDArray[np.bool_]:
-    """Whether a core holds ranges of ``sizes`` neurons that take so many inputs and words, bool (ranges,)."""
+    """Whether a core holds ranges of ``sizes`` neurons with so many inputs and words, bool (ranges,)."""
     board = sizing.board
     return np.asarray(
         ((1 + sizing.counters) * sizes <= board.compartments)
@@ -30,7 +30,7 @@ def fitting(sizing: Sizing, sizes: Integers, active: Integers, words: Integers) 
 
 
 def farthest(sizing: Sizing, first: int, most: int, about: int) -> int:
-    """Most neurons from ``first`` on, at most ``most``, that a core holds; looked for around ``about`` first."""
+    """Most neurons from ``first`` on, at most ``most``, that a core holds; the search starts around ``about``."""
     most = min(most, sizing.largest, sizing.network.neurons - first)
     least, end = max(1, min(about, most) - _AROUND), min(most, about + _AROUND)
     while True:
@@ -45,7 +45,7 @@ def farthest(sizing: Sizing, first: int, most: int, about: int) -> int:
 
 
 def reach(sizing: Sizing, cores: int, most: int) -> Integers:
-    """Bounds of at most ``cores`` ranges of at most ``most`` neurons each, every one as long as a core holds: the first
+    """Bounds of at most ``cores`` ranges of at most ``most`` neurons each, each as long as a core holds: the first
     neuron of each, and the end of the last."""
     bounds, size = [0], min(most, 64)
     while bounds[-1] < sizing.network.neurons and len(bounds) <= cores and size:
@@ -87,17 +87,17 @@ def counts_of(sizing: Sizing, bounds: Integers) -> NDArray[np.int32]:
 
 
 COMPARTMENTS, INDEXED, AXONS_IN, AXONS_OUT, WORDS = range(5)
-"""What a core has room for, as a row of `Placed.room` has it; indexed: compartments that a sparse synapse can name."""
+"""Columns of `Placed.room`: the room of a core; indexed: compartments that a sparse synapse can name."""
 
 
 @dataclass(frozen=True)
 class Placed:
-    """What stands on each core: those with excitatory neurons first, in their order, then the others.
+    """The content of each core: cores with excitatory neurons first, in their order, then the others.
 
     Attributes:
         bounds: First neuron of each core with excitatory ones, and the number of all, int64 (k + 1,).
         inh, inputs: First and number of each core's, int64 (cores, 2).
-        room: What is left for inputs on each core, with each row in its smallest format, int64 (cores, 5).
+        room: Room left for inputs on each core, with each row in its smallest format, int64 (cores, 5).
     """
 
     bounds: Integers = field(repr=False)
@@ -112,10 +112,10 @@ class Placed:
 
 
 def place(sizing: Sizing, bounds: Integers, most: int) -> Placed | None:
-    """The inhibitory neurons and the inputs beside the ranges of ``bounds``, on the fewest cores that are found.
+    """Place the inhibitory neurons and the inputs beside the ranges of ``bounds``, on the fewest cores found.
 
     Returns:
-        What stands where, on at most ``most`` cores; None if they do not fit.
+        The content of at most ``most`` cores; None if it does not fit.
     """
     cores = bounds.size - 1
     empty = _empty(sizing)
@@ -157,8 +157,8 @@ def _empty(sizing: Sizing) -> Integers:
 def _place_inhibitory(sizing: Sizing, room: Integers, most: int) -> tuple[Integers, Integers] | None:
     """First and number of the inhibitory neurons on each core, and the room they leave; None if they do not fit.
 
-    Each goes to the core of the one before it, else to the one with most room for input axons that has none yet, else
-    to a core of its own.
+    Each is placed on the core of the one before it, else on the core without inhibitory neurons that has most room for
+    input axons, else on a core of its own.
     """
     empty, targets = _empty(sizing), len(room) * sizing.inhibits
     inh = np.zeros((len(room), 2), np.int64)
@@ -181,7 +181,8 @@ def _place_inhibitory(sizing: Sizing, room: Integers, most: int) -> tuple[Intege
 
 
 def _place_inputs(sizing: Sizing, counts: NDArray[np.int32], room: Integers, most: int) -> Integers | None:
-    """Input compartments of each core, the fewest further ones among them, int64 (cores,); None if they do not fit."""
+    """Number of input compartments of each core, with the fewest further cores, int64 (cores,); None if they do not
+    fit."""
     if sizing.network.input_compartments == 0:
         return np.zeros(len(room), np.int64)
     axons = np.concatenate([[0], np.cumsum(np.count_nonzero(counts, axis=1)[sizing.pattern.kind])])
@@ -205,7 +206,7 @@ def _of_inputs(sizing: Sizing) -> list[int]:
 
 
 def balanced(sizing: Sizing, placed: Placed) -> Placed:
-    """``placed`` with its inputs spread so that the busiest core is least busy."""
+    """``placed`` with its inputs spread so that the busiest core has the least load."""
     if sizing.network.input_compartments == 0:
         return placed
     size, counts = np.diff(placed.bounds), counts_of(sizing, placed.bounds)
@@ -230,7 +231,7 @@ def consecutive(sizes: Integers) -> Integers:
 
 
 def spread(each: Floats, axons: Integers, room: Integers, room_axons: Integers, busy: Floats) -> Integers | None:
-    """Inputs of each core, consecutive ones in the order of the cores, so that the busiest core is least busy.
+    """Inputs of each core, consecutive ones in the order of the cores, so that the busiest core has the least load.
 
     Args:
         each: Time of each input, (inputs,).

@@ -1,11 +1,11 @@
-"""What neurons take of a core's limits, and what a board refuses whatever stands on which core.
+"""The resources that ranges of neurons need of a core, and the limits of a board that no placement can change.
 
 `Sizing` answers for ranges of excitatory neurons. The counts are those of the core's content as
 `deploy.registers.core_images` writes it.
 
-Refused are limits of weights, sums, host traffic and registers. Of a board of which little is public, synapses of a
-chip, bytes and neurons of a core bound a network. One beyond these bounds cannot fit. One within them may not fit,
-either: what axons, states and indices take is not public, and is not counted.
+Networks are refused that exceed limits of weights, sums, host traffic or registers. Where little of a board is public,
+synapses of a chip and bytes and neurons of a core bound a network. A network beyond these bounds cannot fit; one within
+them may not fit, either, since the needs of axons, states and indices are not public and not counted.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 EXC_SPIKES = 0.2
-"""Spikes of all excitatory neurons together in one step with input, about."""
+"""Approximate number of spikes of all excitatory neurons together in one step with input."""
 
 MIXED_FORMATS = 6
 """Rows of inputs dense and sparse, the root's row, rows to counters, to inhibitory neurons, and to relays. A core with
@@ -60,7 +60,7 @@ class Pattern:
 
 @dataclass(frozen=True)
 class Sizing:
-    """A network on a board: what ranges of its neurons take.
+    """A network on a board, and the needs of ranges of its neurons.
 
     Attributes:
         network: The network.
@@ -68,7 +68,7 @@ class Sizing:
         rates: Expected spikes of each input in a step, float64 (inputs,).
         exc_spikes: Expected spikes of all excitatory neurons in a step.
         dense_rows: Whether rows of inputs may be stored dense, without indices, which no public source shows.
-        given: The weights that are not 0 where the network's own weights do not say so.
+        given: The pattern of weights that are not 0, if it is not that of the network's own weights.
     """
 
     network: FixedNetwork = field(repr=False)
@@ -80,12 +80,12 @@ class Sizing:
 
     @cached_property
     def pattern(self) -> Pattern:
-        """Which weights are not 0: as given, or of the network, every input a kind of its own."""
+        """Which weights are not 0: as given, or the network's own, with every input a kind of its own."""
         return self.given or Pattern(self.network.weights != 0, np.arange(self.network.inputs))
 
     @property
     def inhibits(self) -> bool:
-        """Whether the inhibitory neuron takes anything."""
+        """Whether the inhibitory neuron subtracts anything."""
         return self.network.inhibition > 0
 
     @cached_property
@@ -158,18 +158,18 @@ class Sizing:
 
     @cached_property
     def largest(self) -> int:
-        """Most excitatory neurons that a core is ever asked about."""
+        """Most excitatory neurons considered for a core."""
         return min(self.network.neurons, self.board.compartments // (1 + self.counters))
 
     @property
     def may_be_dense(self) -> bool:
-        """Whether a row of an input may be stored dense: that is wanted, and there are formats enough."""
+        """Whether an input's row may be stored dense: it is allowed, and there are enough formats."""
         return self.dense_rows and self.board.memory.public and self.board.formats >= MIXED_FORMATS
 
     @cached_property
     def row_tables(self) -> tuple[Integers, Integers]:
-        """What an input's row takes of memory by neurons of the core and non-zero weights, int64 (largest + 1, largest
-        + 1): in the format with the fewest operations, and in the one with the fewest words."""
+        """Memory of an input's row by neurons of the core and non-zero weights, int64 (largest + 1, largest + 1): in
+        the format with the fewest operations, and in the one with the fewest words."""
         memory = self.board.memory
         operations = memory.sparse_rows(self.largest, self.weight_bits)
         if not (self.may_be_dense and isinstance(memory, PackedRows)):
@@ -182,7 +182,7 @@ class Sizing:
 
     @cached_property
     def root_row(self) -> Integers:
-        """What the root's row takes of memory by neurons of the core, int64 (largest + 1,)."""
+        """Memory of the root's row by neurons of the core, int64 (largest + 1,)."""
         rows = self.board.memory.sparse_rows(self.largest, self.inhibition_bits)
         return np.asarray(rows.diagonal() * self.inhibits)
 
@@ -191,7 +191,7 @@ class Sizing:
         return np.count_nonzero(self.pattern.mask[:, first:end], axis=1)[self.pattern.kind]
 
     def growing(self, first: int, least: int, most: int) -> tuple[Integers, Integers]:
-        """What the ranges of ``least``, least + 1 .. ``most`` neurons from ``first`` on take, int64 each.
+        """Needs of the ranges of ``least``, least + 1 .. ``most`` neurons from ``first`` on, int64 each.
 
         Returns:
             Inputs with a weight to them, and the fewest words of all their rows and of the counters'.
@@ -202,13 +202,14 @@ class Sizing:
         return self.taken(np.arange(least, most + 1), counts)
 
     def taken(self, sizes: Integers, counts: NDArray[np.int32]) -> tuple[Integers, Integers]:
-        """What ranges of ``sizes`` neurons (ranges,) take whose kinds have ``counts`` weights (kinds, ranges)."""
+        """Needs of ranges of ``sizes`` neurons (ranges,) with ``counts`` weights of each kind of inputs (kinds,
+        ranges)."""
         members, (_, words) = self.pattern.members, self.row_tables
         return members @ (counts > 0), members @ words[sizes, counts] + self.root_row[sizes] + self.counters * sizes
 
 
 def least_cores(sizing: Sizing) -> int:
-    """Cores that neurons, and bits of weights, take at least."""
+    """Lower bound of the cores, from neurons and bits of weights."""
     network, board = sizing.network, sizing.board
     compartments = network.neurons + network.inhibitory + network.input_compartments
     return max(-(-int(_weight_bits(sizing).sum()) // board.memory.capacity), -(-compartments // board.compartments))
@@ -220,12 +221,12 @@ def _drawn(sizing: Sizing) -> Integers:
 
 
 def _weight_bits(sizing: Sizing) -> Integers:
-    """Bits of the weights to each excitatory neuron, and of nothing else, int64 (neurons,)."""
+    """Bits of the weights to each excitatory neuron only, int64 (neurons,)."""
     return _drawn(sizing) * sizing.weight_bits + sizing.inhibition_bits * sizing.inhibits
 
 
 def exceeded(sizing: Sizing) -> str:
-    """The public number that a network is beyond; empty if there is none, or if storing is public in full."""
+    """The public limit that a network exceeds; empty if there is none, or if the way of storing is fully public."""
     board, network, memory = sizing.board, sizing.network, sizing.board.memory
     if not isinstance(memory, ByteBudget):
         return ""
@@ -261,11 +262,10 @@ DEVIATIONS = 6
 def host_spikes(network: FixedNetwork, rates: NDArray[np.float64]) -> float:
     """Spikes that the host sends to a chip in one step, mean plus `DEVIATIONS` standard deviations; 0 if it sends none.
 
-    Whatever the trains, inputs spike in a given step independently of each other: by draws of their own, or by regular
-    trains whose phases are drawn. So where an input spikes with probability p, the variance is the sum of p (1 - p).
-    That a train is regular makes its sum over many steps nearly constant, not one step's sum over many inputs. p is the
-    rate r of a draw; of a regular train it is r / (1 - r / 2) in all steps of an interval but the last, since start
-    membranes, not phases, are uniform.
+    Inputs spike in a given step independently of each other, by their own draws or by regular trains with drawn phases.
+    So with spike probabilities p the variance is the sum of p (1 - p). A regular train makes the sum over many steps
+    nearly constant, but not one step's sum over many inputs. p is the rate r of a draw; of a regular train it is r / (1
+    - r / 2) in all steps of an interval but the last, since start membranes, not phases, are uniform.
     """
     return 0.0 if network.bias_input else _most_spikes(network, rates, 1.0)
 
@@ -287,7 +287,7 @@ def _allowed_spikes(network: FixedNetwork, rates: NDArray[np.float64], limit: in
 
 
 def check(sizing: Sizing) -> None:
-    """Refuse what no choice of cores could help.
+    """Refuse a network that fits on no choice of cores.
 
     Raises:
         ConfigError: the network's neurons are not LIF.
@@ -299,7 +299,7 @@ def check(sizing: Sizing) -> None:
 
 
 def check_without_weights(sizing: Sizing) -> None:
-    """What `check` refuses, but for the sums of weights.
+    """Refuse what `check` refuses, except for the sums of weights.
 
     Raises:
         NetworkLimitError: naming resource, need, limit and remedy.

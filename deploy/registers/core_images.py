@@ -1,4 +1,4 @@
-"""A plan as the content of every core's registers and memory, with what the host must know of it."""
+"""A plan as registers and memory of every core, with the tables by which the host addresses them."""
 
 from __future__ import annotations
 
@@ -66,11 +66,9 @@ class CoreImage:
 
 @dataclass(frozen=True)
 class HostTables:
-    """Where the host finds the network.
-
-    Attributes:
-        injection: Input, chip, core and input axon that its spikes are injected into, int32 (axons, 4), by input: to
-            every core with a weight of its, or to its relay; empty if inputs integrate a bias.
+    """The addresses of the network for the host. Attributes: injection: Input, chip, core and input axon that its
+    spikes are injected into, int32 (axons, 4), by input: to every core with a weight of that input, or to its relay;
+    empty if inputs integrate a bias.
         inputs: Chip, core and compartment of each input's bias or relay, int32 (inputs, 3); empty if there are none.
         exc, counters, inh: Chip, core and compartment of each excitatory neuron, of its counter, and of each inhibitory
             neuron, int32 (neurons, 3).
@@ -84,7 +82,7 @@ class HostTables:
 
 
 class _Axons(NamedTuple):
-    """The input axons of a core, in the order of their rows in its memory; -1 where there is none.
+    """The input axons of a core by source, numbered in the order of their rows in memory; -1 where there is none.
 
     Attributes:
         of_input: Of each input, to exc, int64 (inputs,).
@@ -161,7 +159,7 @@ def _rows(plan: Plan, core: CorePlan, axons: _Axons) -> tuple[SynapseRows, list[
 def _single(
     formats: Formats, compartments: NDArray[np.int64], targets: NDArray[np.int64], bits: int, weight: int = RELAY_WEIGHT
 ) -> SynapseRows:
-    """Rows of one synapse of ``bits`` bits, by which a spike brings ``weight`` to ``compartments[target]``."""
+    """Rows of one synapse of ``bits`` bits, which adds ``weight`` to ``compartments[target]``."""
     form = SynapseFormat.of_whole_numbers(bits, index_bits(compartments))
     ones = np.full((targets.size, 1), weight)
     rows = formats.rows(ones, np.zeros(1, np.int64), np.zeros(targets.size, np.bool_), form)
@@ -171,7 +169,7 @@ def _single(
 def _registers(
     network: FixedNetwork, names: Sequence[PopulationName], size: int, formats: Sequence[SynapseFormat | None]
 ) -> dict[str, Any]:
-    """A core's registers: one profile and one threshold for each population on it."""
+    """The registers of a core: one profile and one threshold for each population on it."""
     of_population: dict[PopulationName, tuple[int, int]] = {  # decayV and threshold
         "exc": (network.decay, network.threshold),
         "counters": (0, COUNTER_THRESHOLD),
@@ -184,7 +182,7 @@ def _registers(
 def core_registers(
     profiles: Sequence[tuple[int, int, int]], size: int, formats: Sequence[SynapseFormat | None]
 ) -> dict[str, Any]:
-    """The registers of a core of ``size`` compartments: of each profile decayU, decayV and threshold."""
+    """The registers of a core of ``size`` compartments, from decayU, decayV and threshold of each profile."""
     return {
         "cxProfileCfg": [
             {
@@ -204,7 +202,7 @@ def core_registers(
 
 
 def _axons_out(plan: Plan, core: CorePlan, axons: Sequence[_Axons]) -> NDArray[np.int32]:
-    """Where the spikes of ``core`` go, by source compartment; ``axons``: the input axons of all cores."""
+    """The output axons of ``core``, by source compartment; ``axons``: the input axons of all cores."""
     targets = np.array([(other.chip, other.core) for other in plan.cores], np.int64)
     to_inputs = np.stack([own.of_input for own in axons])
     to_neurons = np.stack([own.of_neuron for own in axons])
@@ -227,7 +225,7 @@ def core_images(plan: Plan) -> tuple[CoreImage, ...]:
     """Registers and memory of every core of ``plan``, in its order.
 
     Raises:
-        NetworkLimitError: the network cannot be said in Loihi 1's registers.
+        NetworkLimitError: Loihi 1's registers cannot hold the network.
     """
     if plan.network.decay > NO_MEMORY_DECAY:
         raise NetworkLimitError(
@@ -265,7 +263,7 @@ def locations(plan: Plan, population: PopulationName) -> NDArray[np.int32]:
 
 
 def host_tables(plan: Plan) -> HostTables:
-    """Where the host finds the network of ``plan``."""
+    """The addresses of the network of ``plan`` for the host."""
     network, injection = plan.network, [np.zeros((0, 4), np.int64)]
     for core in plan.cores if not network.bias_input else ():
         axons = _axons(network, core)

@@ -1,7 +1,8 @@
-"""The cores of a spiking front end, at the level of their registers: pixels in, every spike out.
+"""Register-level simulation of the cores of a spiking front end, from pixels to every spike.
 
-Before an image the host clears current and membrane of every compartment, and writes the biases of pixels, grey levels,
-once, and, where neurons of places hear the cells, that of the clock's first neuron; nothing else is written.
+Before each image the host clears current and membrane of every compartment and writes the biases of pixels, their grey
+levels, once. Where neurons of places hear the cells, it also writes the bias of the clock's first neuron. It writes
+nothing else.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ class FrontEndChips:
 
     Attributes:
         wired: The cores.
-        places: Where the neurons of each population are in all compartments, int64 (neurons,), by name.
+        places: Positions of each population's neurons among all compartments, int64 (neurons,), by name.
         exponents: Of the biases of pixels, int64 (pixels,).
         steps: Steps of a presentation.
     """
@@ -43,7 +44,7 @@ class FrontEndChips:
             tables: Chip, core and compartment of every neuron of each population, int32 (neurons, 3), by name.
             steps: Steps of a presentation.
         Raises:
-            ModelFileError: the memory of a core is not what its synapse map says it is.
+            ModelFileError: the memory of a core contradicts its synapse map.
         """
         wired = Wired.of(images)
         places = {name: wired.at(table) for name, table in tables.items()}
@@ -57,7 +58,7 @@ class FrontEndChips:
             grey: Grey levels of each image's pixels, uint8 (n, height, width).
         Raises:
             NetworkLimitError: an accumulator overflows.
-            ModelFileError: spikes are still on their way after the last step.
+            ModelFileError: spikes are in flight after the last step.
         """
         films = {name: np.zeros((len(grey), self.steps, len(at)), np.uint8) for name, at in self.places.items()}
         nothing = np.zeros(self.steps + 1, np.int64), np.zeros(0, np.int64)

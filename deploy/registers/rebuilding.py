@@ -1,4 +1,4 @@
-"""The network that registers and memory of cores hold, read back from them alone."""
+"""The network read back from registers and memory of cores only."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from lava_vpr.errors import ModelFileError
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, INPUT_SHIFT, WEIGHT_BITS
 
 _UNKNOWN_NEEDS, _UNKNOWN_LOAD = Needs(0, 0, 0, 0, 0, 0, 0), Load(0, 0, 0, 0, 0, 0, 0)
-"""What stands in the plan of a core that was read back from registers, which say nothing of it."""
+"""Placeholders in the plan of a core read back from registers, which do not hold its needs and load."""
 
 
 def _parts(tables: HostTables, chip: int, core: int) -> tuple[PopulationPart, ...]:
-    """What stands on a core: runs of neurons on consecutive compartments."""
+    """The parts on a core: runs of neurons on consecutive compartments."""
     parts = []
     for name in POPULATIONS:
         table = getattr(tables, name)
@@ -36,7 +36,7 @@ def _parts(tables: HostTables, chip: int, core: int) -> tuple[PopulationPart, ..
 
 
 def _input_ways(images: Sequence[CoreImage], tables: HostTables) -> NDArray[np.int32]:
-    """Input, chip, core and input axon of every way that an input's spikes take to exc, int32 (ways, 4)."""
+    """Input, chip, core and input axon of every path of an input's spikes to exc, int32 (paths, 4)."""
     if not len(tables.inputs):
         return tables.injection
     ways = [np.zeros((0, 4), np.int32)]
@@ -50,15 +50,15 @@ def _input_ways(images: Sequence[CoreImage], tables: HostTables) -> NDArray[np.i
 
 
 def _root_ways(images: Sequence[CoreImage], tables: HostTables) -> NDArray[np.int32]:
-    """Chip, core and input axon of every way that the root's spikes take, int32 (ways, 3)."""
+    """Chip, core and input axon of every path of the root's spikes, int32 (paths, 3)."""
     chip, core, compartment = tables.inh[-1]
     ways = [image.axons_out for image in images if (image.chip, image.core) == (chip, core)]
     return np.concatenate([np.zeros((0, 3), np.int32), *(own[own[:, 0] == compartment, 1:] for own in ways)])
 
 
 class _Found(NamedTuple):
-    """What memory holds of a network while it is read: weights int16 (inputs, neurons), biases int32 (neurons,), bits
-    of the inputs' and of the root's synapses."""
+    """The parts of a network read so far: weights int16 (inputs, neurons), biases int32 (neurons,), bits of the inputs'
+    and of the root's synapses."""
 
     weights: NDArray[np.int16]
     bias: NDArray[np.int32]
@@ -73,7 +73,7 @@ def _read_core(
     root_ways: NDArray[np.int32],
     found: _Found,
 ) -> CorePlan:
-    """Add what a core's compartments and memory hold to ``found``; returns its plan."""
+    """Add the content of a core's compartments and memory to ``found``; returns the core's plan."""
     registers = image.registers["synapseFmt"]
     formats = [None if form is None else SynapseFormat.of(form, image.name) for form in registers]
     dense = np.zeros(len(found.weights), np.bool_)
@@ -111,7 +111,7 @@ def outline(scalars: Mapping[str, int]) -> FixedNetwork:
     """The network of ``scalars``, with the numbers of its inputs and neurons, and no weights yet.
 
     Raises:
-        NetworkLimitError: a truth value is none.
+        NetworkLimitError: a truth value is neither 0 nor 1.
     """
     inputs, neurons = scalars["inputs"], scalars["neurons"]
     weights = np.broadcast_to(np.int16(0), (inputs, neurons))  # which takes no memory
@@ -119,16 +119,16 @@ def outline(scalars: Mapping[str, int]) -> FixedNetwork:
 
 
 def rebuilt_plan(images: Sequence[CoreImage], tables: HostTables, scalars: Mapping[str, int], board: Board) -> Plan:
-    """The network that images hold, and where it stands: weights from memory, biases from compartments; all else as
-    ``scalars`` has it. Images and tables are sound where they are those of this plan.
+    """The plan of the network in ``images``: weights from memory, biases from compartments, everything else from
+    ``scalars``. Images and tables are valid if this plan gives the same ones.
 
     Args:
         images: Registers and memory of every core, by chip and core.
-        tables: Where the network's neurons stand.
+        tables: The addresses of the network's neurons.
         scalars: ``inputs``, ``neurons`` and `lava_vpr.engine.inference.fixed.SCALARS` by name.
-        board: Whose cores they are.
+        board: The board of these cores.
     Raises:
-        ModelFileError, NetworkLimitError, LookupError, ValueError, TypeError, OverflowError: they hold no network.
+        ModelFileError, NetworkLimitError, LookupError, ValueError, TypeError, OverflowError: the content is no network.
     """
     empty = outline(scalars)
     weights, bias = np.zeros(empty.weights.shape, np.int16), np.zeros(empty.neurons, np.int32)

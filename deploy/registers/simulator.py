@@ -1,11 +1,11 @@
-"""Loihi 1 at the level of its registers: runs what stands in a bundle, and knows nothing of the network behind it.
+"""Register-level simulation of Loihi 1: runs the content of a bundle without knowledge of the network behind it.
 
 A step of a core: every accumulator becomes the current of its compartment, u' = D(u, 4095 - decayU) + a, which wraps at
 24 bits; v' = clip(D(v, 4096 - decayV) + u' + bias), with D(x, k) = sign(x) (|x| k >> 12); v' > vth << 6 spikes, and v'
 is 0 then and in the refractory steps. Each spike then goes along the output axons of its compartment, and each input
 axon that it meets adds its row to the accumulators, which count in the next step. Source: nengo-loihi 1.1.0,
-``emulator/interface.py``. What the chip would get wrong in silence, an accumulator beyond its 21 bits or a state that
-nothing clears between two presentations, is an error here.
+``emulator/interface.py``. Faults that the chip would not report are errors here: an accumulator beyond its 21 bits, and
+a state that nothing clears between two presentations.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Cores = tuple[tuple[int, int], ...]
 
 
 class Presented(NamedTuple):
-    """What the chips made of some presentations.
+    """Results of some presentations on the chips.
 
     Attributes:
         exc, inh, inputs: Every spike, uint8 (n, steps, width).
@@ -54,11 +54,11 @@ class _Core(NamedTuple):
     """Registers of a core, and its input axons' rows.
 
     Attributes:
-        table: What stays of u and v in a step, refractory steps, threshold and bias, int64 (5, compartments).
-        limits: Of membranes.
+        table: Remaining shares of u and v after a step, refractory steps, threshold and bias, int64 (5, compartments).
+        limits: Bounds of the membranes.
         row_of: The row of each input axon.
         rows: The rows.
-        value: What each synapse brings its compartment.
+        value: What each synapse adds to its compartment.
     """
 
     table: NDArray[np.int64]
@@ -69,7 +69,7 @@ class _Core(NamedTuple):
 
 
 def _fault(where: str, what: str) -> ModelFileError:
-    """The refusal of a bundle whose content is wrong."""
+    """The error for a bundle with invalid content."""
     return ModelFileError(f"{where}: {what}; deploy the model again")
 
 
@@ -114,7 +114,7 @@ def _starts(sizes: Sequence[int] | NDArray[np.int64]) -> NDArray[np.int64]:
 def _located(
     pairs: NDArray[np.int32], numbers: NDArray[np.int32], starts: NDArray[np.int64], cores: Cores
 ) -> NDArray[np.int64]:
-    """Where ``numbers`` (n,) of the cores that ``pairs`` (n, 2) of chip and core name are in all of them."""
+    """Positions among all compartments of ``numbers`` (n,) on the cores of ``pairs`` (n, 2: chip, core)."""
     index = {pair: k for k, pair in enumerate(cores)}
     named, inverse = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
     return starts[np.array([index[a, b] for a, b in named.tolist()], np.int64)[inverse.reshape(-1)]] + numbers
@@ -136,7 +136,7 @@ class Wired(NamedTuple):
 
     @staticmethod
     def of(images: Sequence[CoreImage]) -> Wired:
-        """What ``images`` hold.
+        """The cores and axons of ``images``.
 
         Raises:
             ModelFileError: the memory of a core is not what its synapse map says it is.
@@ -152,7 +152,7 @@ class Wired(NamedTuple):
         return State(u, v, sums, held, self.bias.copy())
 
     def at(self, table: NDArray[np.int32]) -> NDArray[np.int64]:
-        """Where compartments, by chip, core and number (n, 3), are in all of them, int64 (n,)."""
+        """Positions among all compartments of those given by chip, core and number (n, 3), int64 (n,)."""
         return _located(table[:, :2], table[:, 2], self.wiring.first, self.cores)
 
     def name(self, i: int) -> str:
@@ -161,9 +161,9 @@ class Wired(NamedTuple):
         return f"chip {self.cores[k][0]} core {self.cores[k][1]} compartment {i - self.wiring.first[k]}"
 
     def check(self, state: State, presentation: int, flying: int, overflow: int) -> None:
-        """Refuse a presentation with an overflow, or after which spikes are on their way.
+        """Refuse a presentation with an overflow, or after which spikes are in flight.
 
-        ``flying``: messages on their way after the last step (with an overflow: the step), see `present`.
+        ``flying``: messages in flight after the last step (with an overflow: the step), see `present`.
         """
         if overflow >= 0:
             need, where = abs(int(state.sums[overflow])) >> INPUT_SHIFT, self.name(overflow)
@@ -229,12 +229,12 @@ class Chips:
         """The chips whose cores hold ``images``.
 
         Args:
-            images: Images of all cores, as `core_images` writes them; a bundle that is opened has no others.
-            tables: Where the host finds the network on them.
+            images: Images of all cores, as `core_images` writes them and an opened bundle has them.
+            tables: The addresses of the network on them for the host.
             steps: Steps with input of a presentation.
             silent_steps: Steps without input after those.
-            regular: Injected spikes are regular trains; else Poisson draws.
-            bias_input: Input compartments integrate a bias; else spikes are injected, maybe into relays.
+            regular: Whether injected spikes are regular trains; else they are Poisson draws.
+            bias_input: Whether input compartments integrate a bias; else spikes are injected, possibly into relays.
         Raises:
             ModelFileError: the memory of a core is not what its synapse map says it is.
         """
@@ -264,7 +264,7 @@ class Chips:
         Args:
             rates: Spike probabilities in units of 2^-16, uint16 (n, inputs).
             keys: One per presentation (`lava_vpr.engine.random.presentation_keys`), uint64 (n,).
-            bias: What is written to exc before each presentation, in units of v, int32 (n, neurons); None: nothing.
+            bias: Biases written to exc before each presentation, in units of v, int32 (n, neurons); None: none.
         Raises:
             NetworkLimitError: an accumulator overflows.
             ModelFileError: the cores do not come to rest after a presentation.
@@ -290,13 +290,13 @@ class Chips:
         return Presented(exc, inh, sent, counts)
 
     def _written(self) -> NDArray[np.int64]:
-        """The input compartments that the host writes to: they integrate a bias, relays do not."""
+        """The input compartments that the host writes to: those that integrate a bias, not relays."""
         return self.inputs if self.bias_input else self.inputs[:0]
 
     def _write(self, state: State, rates: NDArray[np.uint16], key: int, bias: NDArray[np.int32] | None) -> None:
         """Write v = 0 of exc and counters and, if there is one, the ``bias`` of exc; bias and membrane of the inputs.
 
-        Nothing else is written, but for the inputs' bias, which is 0 in the silent steps.
+        Besides these, only the inputs' biases are written again: to 0 for the silent steps.
         """
         state.v[self.exc] = state.v[self.counters] = 0
         if bias is not None:
@@ -306,7 +306,8 @@ class Chips:
             state.v[self.inputs] = start_membranes(key, len(rates))
 
     def _sent(self, drawn: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The input axons that ``drawn`` (steps, inputs) is injected into: the first of each step, and all."""
+        """The input axons into which ``drawn`` (steps, inputs) is injected: the start of each step in the list, and the
+        list."""
         source, axon = self.injection
         steps, inputs = np.nonzero(drawn)
         low, high = np.searchsorted(source, inputs), np.searchsorted(source, inputs, side="right")

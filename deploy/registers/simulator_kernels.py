@@ -1,4 +1,4 @@
-"""The kernels of `lava_vpr.deploy.registers.simulator`: compartments, axons and rows, whatever network they make."""
+"""The kernels of `lava_vpr.deploy.registers.simulator`: compartments, axons and rows of any network."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Wiring(NamedTuple):
 
 
 class State(NamedTuple):
-    """The state of all compartments, (C,): current, membrane, accumulator, refractory steps that are left, bias."""
+    """The state of all compartments, (C,): current, membrane, accumulator, remaining refractory steps, bias."""
 
     u: NDArray[np.int64]
     v: NDArray[np.int64]
@@ -62,7 +62,7 @@ def update(
     threshold: NDArray[np.int64],
     fired: NDArray[np.int64],
 ) -> tuple[int, int]:
-    """Advance all compartments by one step; returns how many ``fired``, and the first that overflows, or -1."""
+    """Advance all compartments by one step; returns the number that ``fired``, and the first that overflows, or -1."""
     u, v, sums, held, bias = state
     n = 0
     for core in range(wiring.first.size - 1):
@@ -94,7 +94,7 @@ def update(
 
 @compiled(inline="always")
 def _deliver(wiring: Wiring, sums: NDArray[np.int64], axon: int) -> None:
-    """Add the row of the input axon that a spike meets to the accumulators."""
+    """Add the row of a spike's input axon to the accumulators."""
     row = wiring.row_of[axon]
     for s in range(wiring.row_start[row], wiring.row_start[row + 1]):
         sums[wiring.row_target[s]] += wiring.row_value[s]
@@ -113,11 +113,12 @@ def present(
 ) -> tuple[int, int]:
     """Run one presentation and fill ``film`` (all steps, C) with its spikes.
 
-    ``inputs``: input compartments whose bias is written to 0 before the silent steps. ``sent_*``: the input axons
-    that are injected into in each step.
+    ``inputs``: input compartments whose bias is written to 0 before the silent steps. ``sent_*``: the input axons into
+        which spikes are injected in each step.
 
     Returns:
-        Messages in flight at the end and -1; or how many steps went well, and the compartment that overflowed.
+        Messages in flight at the end, and -1; or the number of steps before an overflow, and the compartment that
+        overflowed.
     """
     fired = np.empty(wiring.keep_u.size, np.int64)
     flying = 0

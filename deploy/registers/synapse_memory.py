@@ -1,6 +1,6 @@
-"""Synapse memory word by word: rows packed into 64-bit words, and read back with every contradiction refused.
+"""Synapse memory word by word: rows are packed into 64-bit words and read back, and every contradiction is refused.
 
-`lava_vpr.deploy.registers.synapses` has the layout.
+The layout is described in `lava_vpr.deploy.registers.synapses`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from lava_vpr.loihi import BLOCK_HEADER_BITS, BLOCK_SYNAPSES, CORE_FORMATS, WORD
 def _widths(formats: Sequence[SynapseFormat | None]) -> NDArray[np.int64]:
     """Index bits and weight bits of every format number, int64 (16, 2).
 
-    Weight bits 0: there is no such format.
+    Formats that are not in use have 0 weight bits.
     """
     widths = np.zeros((CORE_FORMATS, 2), np.int64)
     for number, form in enumerate(formats):
@@ -32,7 +32,7 @@ def _widths(formats: Sequence[SynapseFormat | None]) -> NDArray[np.int64]:
 
 @compiled(inline="always")
 def _put(words: NDArray[np.uint64], at: int, value: int, bits: int) -> int:
-    """Set ``value`` in the bits ``at`` and following, which are 0; returns the position behind it."""
+    """Write ``value`` into the bits from ``at`` on, which are 0; returns the position after it."""
     word, offset = at >> 6, at & 63
     words[word] |= np.uint64(value) << np.uint64(offset)
     if offset + bits > 64:
@@ -42,7 +42,7 @@ def _put(words: NDArray[np.uint64], at: int, value: int, bits: int) -> int:
 
 @compiled(inline="always")
 def _get(words: NDArray[np.uint64], at: int, bits: int) -> Any:
-    """The value of the bits ``at`` and following."""
+    """The value of the bits from ``at`` on."""
     word, offset = at >> 6, at & 63
     value = words[word] >> np.uint64(offset)
     if offset + bits > 64:
@@ -60,7 +60,7 @@ def _pack(
     firsts: NDArray[np.int64],
     words: NDArray[np.uint64],
 ) -> None:
-    """Write all rows into ``words``, row r from word ``firsts[r]`` on."""
+    """Write all rows into ``words``; row r begins at word ``firsts[r]``."""
     for r in range(formats.size):
         index_bits, weight_bits = widths[formats[r], 0], widths[formats[r], 1]
         at = firsts[r] << 6
@@ -75,10 +75,10 @@ def _pack(
 
 
 def pack(rows: SynapseRows, formats: Sequence[SynapseFormat | None]) -> tuple[NDArray[np.uint64], NDArray[np.int32]]:
-    """Synapse memory that holds ``rows``, in their order and without gaps.
+    """Synapse memory with ``rows`` in their order and without gaps.
 
     Args:
-        rows: What to store; compartments of a dense row are 0, 1, 2 ..
+        rows: The rows to store; compartments of a dense row are 0, 1, 2 ..
         formats: Formats of the core, by number.
     Returns:
         Words uint64 (words,), and first word, words and synapses of each row, int32 (rows, 3).
@@ -121,7 +121,8 @@ def _unpack_row(
     compartments: NDArray[np.int32],
     weights: NDArray[np.int32],
 ) -> tuple[Any, int]:
-    """Read the row that ``entry`` of the synapse map names; its format and 0, or what was found and its problem."""
+    """Read the row at ``entry`` of the synapse map; returns its format and 0, or what was found and the problem's
+    number."""
     at, end, done, form = np.int64(entry[0]) << 6, (np.int64(entry[0]) + entry[1]) << 6, 0, 0
     while done < entry[2]:
         if at >= end:
@@ -165,7 +166,8 @@ def _unpack(
     weights: NDArray[np.int32],
     formats: NDArray[np.uint8],
 ) -> tuple[int, int, int]:
-    """Read all rows; the first with a problem, what was found there and the problem, or problem 0."""
+    """Read all rows; returns the first row with a problem, what was found there and the problem's number, 0 without
+    one."""
     for r in range(formats.size):
         row = slice(starts[r], starts[r + 1])
         value, problem = _unpack_row(words, entries[r], widths, limit, compartments[row], weights[row])
@@ -188,10 +190,10 @@ def unpack(
         words: Synapse memory, uint64 (words,).
         axons_in: First word, words and synapses of each, int32 (axons, 3).
         formats: Formats of the core, by number.
-        compartments: Compartments that the core has.
-        where: Whose memory it is, for messages.
+        compartments: Number of compartments of the core.
+        where: The core's name, for messages.
     Raises:
-        ModelFileError: the memory is not what the synapse map says it is.
+        ModelFileError: the memory contradicts the synapse map.
     """
     first, length, sizes = axons_in.T.astype(np.int64)
     outside = (first < 0) | (length < 0) | (sizes < 0) | (first + length > len(words)) | (sizes > length * WORD_BITS)
@@ -215,12 +217,12 @@ def unpack(
 def stored_rows(
     words: NDArray[np.uint64], axons_in: NDArray[np.int32], where: str = "synapse memory"
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """The rows of a memory, each once however many axons share it.
+    """The rows of a memory; a row that several axons share is listed once.
 
     Returns:
         The rows' entries of the synapse map, int32 (rows, 3), and the row of each axon, int64 (axons,).
     Raises:
-        ModelFileError: rows overlap, or leave words that nobody reads.
+        ModelFileError: rows overlap, or words belong to no row.
     """
     entries, row_of = np.unique(axons_in.reshape(-1, 3), axis=0, return_inverse=True)
     ends = entries[:, 0].astype(np.int64) + entries[:, 1]

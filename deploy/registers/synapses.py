@@ -1,17 +1,17 @@
-"""How synapses lie in a Loihi 1 core's memory, 64 bits a word.
+"""Layout of synapses in a Loihi 1 core's memory, in words of 64 bits.
 
 A row, the synapses of one input axon, is a sequence of blocks of at most 64 synapses, each block rounded up to whole
-words. Fields follow each other from the least significant bit on:
+words. Fields are stored from the least significant bit on:
 
-- 4 bits synapse format, 6 bits synapses of this block, less 1; then for each synapse
-- as many bits as the format has for indices: compartment; a dense format has none, and goes 0, 1, 2 .. through the row
-- as many bits as the format has for weights: weight and sign, in two's complement.
+- 4 bits for the synapse format, 6 bits for the number of synapses in this block minus 1; then for each synapse - as
+many bits as the format has for indices: compartment; a dense format has none, and goes 0, 1, 2 .. through the row - as
+many bits as the format has for weights: weight and sign, in two's complement.
 
-Every weight has a sign of its own (fanoutType 1), as in all that nengo-loihi writes; formats with one sign for all
-exist, but no public source shows them.
+Every weight has its own sign (fanoutType 1), as in everything that nengo-loihi writes. Formats with one sign for all
+weights exist, but no public source shows them.
 
-Sizes, limits and registers' names have their sources in docs/hardware.md; the order of the fields within a block is not
-public, so it is ours: whoever writes a board sets synapse by synapse.
+docs/hardware.md gives the sources of sizes, limits and registers' names. The order of the fields within a block is not
+public; this one is ours, and programs that write a board set synapse by synapse.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from lava_vpr.loihi import (
 )
 
 REGISTER_BITS = WEIGHT_BITS + 1
-"""Bits of a weight's register: 8 and sign."""
+"""Bits of a weight's register: 8 and a sign."""
 
 COUNT_BITS = (BLOCK_SYNAPSES - 1).bit_length()
 ID_BITS = BLOCK_HEADER_BITS - COUNT_BITS
@@ -50,12 +50,12 @@ WEIGHT_CODES, INDEX_CODES = (0, *LOIHI_1_WEIGHT_BITS), (0, *LOIHI_1_INDEX_BITS)
 
 @dataclass(frozen=True)
 class SynapseFormat:
-    """A synapse format: what rows of it hold, and what a weight is worth.
+    """A synapse format: widths of weight and index, and the scale of a weight.
 
     Attributes:
         weight_bits: Bits of a stored weight, one of which is its sign. They are the upper ones of the register's 9.
         index_bits: Bits of a compartment's number; 0: dense.
-        exponent: The register weight, 8 bits and sign, is worth itself times 2^(6 + exponent), in units of u.
+        exponent: A register weight, 8 bits and a sign, adds itself times 2^(6 + exponent) in units of u.
     """
 
     weight_bits: int
@@ -64,7 +64,7 @@ class SynapseFormat:
 
     @staticmethod
     def of_whole_numbers(weight_bits: int, index_bits: int) -> SynapseFormat:
-        """The format in which ``weight_bits`` bits hold weights that are worth themselves."""
+        """The format whose ``weight_bits`` bits store whole numbers as they are."""
         return SynapseFormat(weight_bits, index_bits, weight_bits - REGISTER_BITS)
 
     @property
@@ -105,7 +105,7 @@ class SynapseFormat:
         return form
 
     def currents(self, weights: NDArray[np.int32]) -> NDArray[np.int32]:
-        """What stored ``weights`` bring their compartments, in units of u."""
+        """What stored ``weights`` add to their compartments, in units of u."""
         shift = REGISTER_BITS - self.weight_bits + INPUT_SHIFT + self.exponent
         return weights << shift if shift >= 0 else weights >> -shift
 
@@ -127,7 +127,7 @@ class SynapseRows:
     formats: NDArray[np.uint8]
 
     def currents(self, formats: Sequence[SynapseFormat | None]) -> NDArray[np.int32]:
-        """What each synapse brings its compartment, in units of u, int32 (synapses,)."""
+        """What each synapse adds to its compartment, in units of u, int32 (synapses,)."""
         values = np.zeros(len(self.weights), np.int32)
         of_synapse = np.repeat(self.formats, np.diff(self.starts))
         for number in np.unique(self.formats):
@@ -150,17 +150,17 @@ def joined(parts: Sequence[SynapseRows]) -> SynapseRows:
 
 
 def index_bits(compartments: NDArray[np.int64]) -> int:
-    """Fewest bits of a sparse synapse that hold the number of any of ``compartments``."""
+    """Fewest index bits that can name each of ``compartments``."""
     need = int(compartments.max(initial=0)).bit_length()
     return next(bits for bits in LOIHI_1_INDEX_BITS if bits >= need)
 
 
 def lateral_synapse(network: FixedNetwork, bits: int) -> tuple[int, int]:
-    """The stored weight, not above 0, in ``bits`` bits with its sign, and the exponent, of a synapse that takes
+    """Stored weight, at most 0, in ``bits`` bits with its sign, and exponent of a synapse that subtracts
     ``network.lateral``.
 
     Raises:
-        NetworkLimitError: there is none.
+        NetworkLimitError: no weight and exponent give it.
     """
     magnitude, exponent = network.inhibition, network.inhibition_exponent
     while magnitude >> bits - 1 and magnitude % 2 == 0:
@@ -175,13 +175,13 @@ def lateral_synapse(network: FixedNetwork, bits: int) -> tuple[int, int]:
 
 
 class Formats(list[SynapseFormat | None]):
-    """The formats of a core, as they come into use; number 0 stays unused, as nengo-loihi has it."""
+    """The formats of a core in the order of their first use; number 0 stays unused, as in nengo-loihi."""
 
     def __init__(self) -> None:
         super().__init__([None])
 
     def number(self, form: SynapseFormat) -> int:
-        """The number of ``form``, which comes into use if it was not."""
+        """The number of ``form``, assigned at its first use."""
         if form not in self:
             self.append(form)
         return self.index(form)
@@ -189,11 +189,11 @@ class Formats(list[SynapseFormat | None]):
     def rows(
         self, weights: NDArray[Any], compartments: NDArray[np.int64], dense: NDArray[np.bool_], form: SynapseFormat
     ) -> SynapseRows:
-        """The rows of ``weights`` (rows, compartments): all weights where ``dense``, else those that are not 0.
+        """The rows of ``weights`` (rows, compartments): of dense rows all weights, of others those that are not 0.
 
         Args:
-            weights: Weights as they are to be stored.
-            compartments: Compartments of the columns.
+            weights: Stored weights.
+            compartments: The compartment of each column.
             dense: Which rows are stored dense.
             form: Format of the sparse rows; without its index, that of the dense ones.
         """

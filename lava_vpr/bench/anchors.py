@@ -1,6 +1,6 @@
-"""Published figures of spiking networks on Loihi, and of those that recognise places elsewhere, beside ours.
+"""Published figures of other networks: spiking ones on Loihi, and ones that recognise places on other hardware.
 
-None of them is the same task on the same board: they say in which region an answer lies, not which network is better.
+No two of them are the same task on the same board: they show the order of magnitude, not which network is better.
 Figures are the authors' own, as published; nothing is converted but units.
 """
 

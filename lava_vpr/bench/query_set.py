@@ -1,4 +1,4 @@
-"""The queries of a run, with what every stage needs of them, and what its figures are to be read with."""
+"""The queries of a run, prepared for every stage, and the facts about model and machine that its figures depend on."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class QuerySet:
 
 
 def model_facts(model: Model, decoder: str) -> dict[str, object]:
-    """Figures of the model that the others are to be read with."""
+    """Figures of the model that describe the run: places, neurons, bits, steps."""
     return {
         "preset": model.config.preset,
         "places": model.places,
@@ -68,7 +68,7 @@ def model_facts(model: Model, decoder: str) -> dict[str, object]:
 
 
 def machine(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, object]:
-    """Processor and software that the measured figures belong to."""
+    """Processor and software with which the figures were measured."""
     try:
         lines = cpuinfo.read_text(errors="replace").splitlines()
     except OSError:

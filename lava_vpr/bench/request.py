@@ -1,4 +1,4 @@
-"""What a run of `lava-vpr bench` is to find out."""
+"""The options of a run of `lava-vpr bench`."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ Begin = Callable[[str, int], Callable[[int], None]]
 
 @dataclass(frozen=True)
 class Request:
-    """What a run is to find out.
+    """The options of a run: what to time, model and compare.
 
     Attributes:
         targets: Boards to model; empty: all.
         backends: Backends to time on this machine; empty: those that are timed by default.
-        sweep, peers: Whether to search settings, and to run other matchers.
+        sweep, peers: Whether to search settings, and whether to run other matchers.
         limit: Most queries that a backend is timed on; None: by backend.
         seed: The seed of the queries' noise; None: the model's.
-        asking: How queries are asked besides once and plainly.
-        applied: Gains uint8 (inputs,) that the model's weights were quantised under; None: none.
-        calibration: Of the model's decoder; None: probabilities are not known.
-        located: Where places and queries were taken; None: not known.
+        asking: How queries are presented: views, adaptation, gains.
+        applied: Gains uint8 (inputs,) with which the model's weights were quantised; None: none.
+        calibration: Calibration of the model's decoder; None: probabilities are unknown.
+        located: Positions of places and queries; None: unknown.
         near: Metres within which a match counts.
-        pool: Who measures the points of the sweep.
+        pool: The pool that measures the points of the sweep.
     """
 
     targets: tuple[str, ...] = ()
@@ -52,15 +52,15 @@ class Request:
 
     @property
     def boards(self) -> tuple[str, ...]:
-        """Boards to model, each once."""
+        """The boards to model, without repeats."""
         return tuple(dict.fromkeys(self.targets)) or tuple(BOARDS)
 
     @property
     def timed(self) -> tuple[str, ...]:
-        """Backends to time, each once."""
+        """The backends to time, without repeats."""
         return tuple(dict.fromkeys(self.backends)) or timed_by_default()
 
     @property
     def plain(self) -> bool:
-        """Whether each query is asked once, and without biases of its own."""
+        """Whether each query is one presentation with the network's own biases."""
         return self.asking.views == 1 and self.asking.adapt is None and self.asking.replay is None

@@ -172,7 +172,7 @@ def _workload(work: Work) -> Workload | None:
     """NeuroBench's metrics of the first queries; None: no integer network."""
     if work.trains is None:
         return None
-    # With more queries than `COUNTED`, the trains are not those of the first ones.
+    # With more queries than `COUNTED`, the trains are not those of the first queries.
     return workload(work.queries, work.trains if len(work.queries) <= COUNTED else None)
 
 

@@ -1,10 +1,10 @@
 """The search for cheaper settings: recall on calibration images against modelled energy and time on a board.
 
-Every point is a whole deployment in small: the network quantised again from the learned float weights for the board,
-its responses to the references measured again (role ``response``), the queries run (role ``query``), partitioned, and
-its spikes counted into the cost model. The search goes out from points of the front as it stands: one to three settings
-move to a near value, what comes out is measured, and the front moves. The search is seeded, so equal input
-gives equal points. Every network is also tried with early stopping (`lava_vpr.experiments.task`).
+Each point goes through all of a deployment: the network is quantised again from the learned float weights for the
+board, its responses to the references are measured again (role ``response``), the queries run (role ``query``), and the
+counted spikes of the partitioned network enter the cost model. The search starts from the points of the current front:
+it moves one to three settings to a neighbouring value, measures the result and updates the front. The search is seeded,
+so equal input gives equal points. Every network is also measured with early stopping (`lava_vpr.experiments.task`).
 
 Nothing here is measured on a chip: energies and times are modelled, with nominal constants.
 """
@@ -30,7 +30,7 @@ from lava_vpr.model import Model, as_integer
 from lava_vpr.neurons.models import CONDUCTANCE
 
 BUDGET = 240
-"""Points that a search measures, early stopping aside."""
+"""Points that a search measures, not counting those with early stopping."""
 
 LATTICE: dict[str, tuple[float, ...]] = {
     "steps": (8, 16, 32, 64, 128, 256),
@@ -47,20 +47,21 @@ LATTICE: dict[str, tuple[float, ...]] = {
 (50 a chip, six standard deviations above the mean)."""
 
 AHEAD = 8
-"""Points that a cluster measures at once. A point that moves the front makes those behind it others than were drawn:
-they are drawn again, so that the search is the one that measures them one by one."""
+"""Points that a cluster measures at once. When one of them moves the front, the points after it are drawn again, so
+that the search is the same as one that measures point by point."""
 
 MODEL, FAST = "this model", "preset fast"
 """The two texts that `SweepPoint.chosen` can hold."""
 
 USEFUL = 0.75
-"""Settings are moved on from if they recall this share of the best: far below, points are cheap and useless."""
+"""The search continues from settings whose recall is at least this share of the best: points far below it are cheap but
+useless."""
 
 Advance = Callable[[int], None]
 
 
 Point = tuple[Settings, float, Measurement]
-"""Settings, margin of early stopping (inf: none), figures."""
+"""Settings, margin of early stopping (inf: none), and figures."""
 
 
 def sweepable(model: Model) -> str | None:
@@ -75,7 +76,7 @@ def sweepable(model: Model) -> str | None:
 
 
 def front(points: Sequence[Point]) -> list[Point]:
-    """The points that no other outdoes, after the points without early stopping that no other of these outdoes."""
+    """The front of the points without early stopping, then the front of all points."""
     best = []
     for kind in ([point for point in points if point[1] == np.inf], points):
         if kind:
@@ -112,16 +113,16 @@ def sweep(
         case: A model with an integer network and its float weights, and its queries.
         budget: Points to measure; those that the board refuses count, early stopping does not.
         retrain: Also try other numbers of neurons, for which the references are learned again.
-        board: One whose energies and times are published.
-        pool: Who measures, which does not change the result; a cluster's workers measure `AHEAD` points at once, those
-            that come next if the front stays as it is.
+        board: The board; its energies and times must be published.
+        pool: The pool that measures, which does not change the result; a cluster's workers measure `AHEAD` points at
+            once, the next ones if the front does not move.
         advance: Called after each of ``budget`` points with how many more are done.
     Returns:
         Every point, the model first. The front is over R@1, energy and time of the mean query. No backend stops
         early yet, so points without early stopping also have a front of their own.
     Raises:
         ConfigError: the model has no integer network, or no float weights.
-        NetworkLimitError: nothing that was tried fits the board.
+        NetworkLimitError: no network that was tried fits the board.
     """
     margins = (np.inf, *MARGINS)
     shared = case, board, margins, pool.threads if pool.here else 1
@@ -151,7 +152,7 @@ def sweep(
 
 
 def parents(found: Mapping[Any, list[Point]]) -> list[Settings]:
-    """Settings of the front, those that recall little aside."""
+    """Settings of the front, except those with low recall (`USEFUL`)."""
     points = list(chain.from_iterable(found.values()))
     least = USEFUL * max((measurement.metrics.recall_at_1 for *_, measurement in points), default=0.0)
     known = {key_of(s): s for s, _, measurement in front(points) if measurement.metrics.recall_at_1 >= least}
@@ -163,7 +164,7 @@ def _nobody(standing: Standing) -> None:
 
 
 def _candidate(as_learned: Settings, point: Point, best: bool, chosen: str) -> SweepPoint:
-    """A point as the report has it: what differs from the model, whole numbers as such."""
+    """A point for the report: the settings that differ from the model's, whole numbers as integers."""
     settings, margin, measurement = point
     changed: dict[str, Any] = {
         name: int(value) if float(value).is_integer() else value

@@ -1,8 +1,8 @@
 """Events in files of arrays. HDF5, by the package h5py: the layouts of DSEC, of Metavision (Prophesee), and plain
 datasets; ``.npz``: a structured array with fields such as tonic's (x, y, t, p), or an array for each.
 
-What a file refers to outside itself is not followed, and no part of it takes more memory than the limit on a chunk.
-Members of an archive are read block by block, packed or not, so that none is in memory as a whole.
+Links to other files are not followed, and no part takes more memory than the limit on a chunk. Members of an archive
+are read block by block, packed or not, so that none is in memory as a whole.
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ class Holder(NamedTuple):
     """An opened file of arrays.
 
     Attributes:
-        names: What it holds, for a message.
+        names: The names of its arrays, for a message.
         parts: Finds the arrays of times, columns and rows; None: there are none.
-        size: Width and height of the sensor of these, if the file tells them.
-        start_s: Seconds to be added to the times.
-        take: Gives so many elements of an array, from the one with this number on; they are taken in turn.
-        remedy: What to do about a file without events.
+        size: Width and height of the sensor, if the file gives them.
+        start_s: Seconds to add to the times.
+        take: Returns so many elements of an array from an index on; calls go through the array in order.
+        remedy: The remedy for a file without events.
     """
 
     names: Callable[[], str]
@@ -71,7 +71,7 @@ Opened = Callable[[Path], AbstractContextManager[Holder]]
 
 
 def holds(opened: Opened, path: Path) -> bool:
-    """Whether the file ``path`` holds events in a layout that is known; False, too, if it cannot be opened."""
+    """Whether the file ``path`` holds events in a known layout; also False if it cannot be opened."""
     with contextlib.suppress(InputError), opened(path) as file:
         return file.parts() is not None
     return False
@@ -81,7 +81,7 @@ def open_arrays(opened: Opened, path: Path) -> EventRecording:
     """The events of a file of arrays.
 
     Raises:
-        InputError: it is damaged, holds no events, or more than the limits allow.
+        InputError: it is damaged, has no events, or exceeds a limit.
     """
     with opened(path) as file:
         parts = file.parts()
@@ -91,7 +91,7 @@ def open_arrays(opened: Opened, path: Path) -> EventRecording:
 
 
 def _blocks(opened: Opened, path: Path) -> Iterator[Raw]:
-    """The events, some at a time."""
+    """The events, block by block."""
     with opened(path) as file:
         parts = file.parts() or []
         yield from in_blocks(parts, len(parts[0][0]) if parts else 0, file.take)
@@ -153,7 +153,7 @@ def _dataset(file: Any, name: str) -> Any:
 
 
 def _check(dataset: Any, where: str) -> None:
-    """Refuse what is stored elsewhere, too much, or in pieces that are too large."""
+    """Refuse arrays that are stored in other files, exceed a limit, or have chunks that are too large."""
     if dataset.is_virtual or dataset.external:
         raise InputError(f"{where}: keeps {brief(dataset.name)} in other files; copy the events into one")
     name, size = brief(dataset.name), dataset.dtype.itemsize
@@ -164,7 +164,7 @@ def _check(dataset: Any, where: str) -> None:
 
 
 def _size(file: Any, where: str, parts: Parts) -> tuple[int, int] | None:
-    """Width and height of the sensor, where attributes of the file, its groups or datasets tell it."""
+    """Width and height of the sensor, if attributes of the file, its groups or datasets give them."""
     times = parts[0][0]
     for holder in (times, times.parent, file):
         for names in (("width", "height"), ("sensor_width", "sensor_height")):
@@ -180,7 +180,7 @@ def _is_number(attribute: Any) -> bool:
 
 
 def _offset(file: Any, where: str) -> float:
-    """Seconds to be added to the times: DSEC's ``t_offset``, in microseconds."""
+    """Seconds to add to the times, from DSEC's ``t_offset`` in microseconds."""
     import h5py
 
     for name in ("t_offset", "events/t_offset"):
@@ -244,7 +244,7 @@ def npz(path: Path) -> Iterator[Holder]:
 
 
 def _members(archive: zipfile.ZipFile) -> dict[str, _Member]:
-    """The one-dimensional arrays of plain numbers, and tables of such, by their names."""
+    """The one-dimensional arrays of plain numbers, and tables of them, by name."""
     found = {}
     for entry in entries_of(archive):
         name, suffix = entry.filename[:-4], entry.filename[-4:]
@@ -270,7 +270,7 @@ def _members(archive: zipfile.ZipFile) -> dict[str, _Member]:
 def _size_npz(
     members: dict[str, _Member], take: Callable[[_Member, int, int], NDArray[Any]], where: str, parts: Parts
 ) -> tuple[int, int] | None:
-    """Width and height of the sensor, if the archive has an array ``size`` of the two; its events are within limits."""
+    """Width and height of the sensor, if the archive has an array ``size`` of two numbers within limits."""
     check_lengths([len(member) for member, _ in parts], where)
     for number, name in ((len(parts[0][0]), "events"), (BLOCK * parts[0][0].dtype.itemsize, "event_chunk_bytes")):
         within(name, number, f"{where}: has")

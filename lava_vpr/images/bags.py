@@ -1,6 +1,6 @@
 """Images of ROS bags, by the package rosbags: ROS 1 files, ROS 2 folders and their files (SQLite, MCAP).
 
-Messages are read by the layouts of ROS's own types, whatever definitions a bag carries: none of these is interpreted.
+Messages are read by the layouts of ROS's own types; definitions that a bag carries are never interpreted.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def is_bag(path: Path) -> bool:
 
 
 def bag_files(path: Path) -> list[str]:
-    """The paths that are read of a bag: its own, and those of the files in its folder."""
+    """The paths read for a bag: its own, and those of the files in its folder."""
     return [str(path), *(sorted(str(file) for file in path.iterdir()) if path.is_dir() else ())]
 
 
@@ -57,13 +57,13 @@ def split_topic(source: str) -> tuple[str, str | None]:
 def bag_samples(path: Path, topic: str | None) -> Iterator[Sample]:
     """Every image message of a topic, uint8 (h, w) or (h, w, 3) BGR.
 
-    Its stamp, in seconds since 1970, is that of its header, or else the time of recording.
+    Stamps, in seconds since 1970, are those of the headers, or else the times of recording.
 
     Args:
         path: The bag.
-        topic: Its topic; None: the only one with images.
+        topic: The topic to read; None: the only one with images.
     Raises:
-        InputError: it is no bag, damaged, holds no (such) images, or rosbags is not installed.
+        InputError: it is no bag or damaged, it has no images (on this topic), or rosbags is not installed.
     """
     first, number = 0, -1
     for number, (recorded, message, of_topic) in enumerate(_messages(path, topic)):
@@ -76,7 +76,7 @@ def bag_samples(path: Path, topic: str | None) -> Iterator[Sample]:
 
 
 def _pixels(message: Any, named: str) -> NDArray[np.uint8]:
-    """The image of a message; ``named`` is what an error begins with."""
+    """The image of a message; error texts begin with ``named``."""
     if not hasattr(message, "encoding"):
         return decode_image(bytes(message.data), named)
     try:
@@ -124,7 +124,7 @@ def _messages(path: Path, topic: str | None) -> Iterator[tuple[int, Any, str]]:
 
 
 def _check_whole(file: Path) -> None:
-    """Refuse an SQLite file that is cut: SQLite would read zeros where its end was.
+    """Refuse a truncated SQLite file: SQLite would read zeros beyond its end.
 
     Source: https://www.sqlite.org/fileformat.html, the database header.
     """
@@ -155,10 +155,10 @@ def _chosen(path: Path, connections: list[Any], topic: str | None) -> list[Any]:
 
 @contextmanager
 def rosbags_for(path: Path, done: str) -> Iterator[None]:
-    """Turn a failed import of rosbags, which is needed to read or write ``path``, into an error of one line.
+    """Turn a failed import of rosbags, needed to read or write ``path``, into an error of one line.
 
     Raises:
-        InputError: it is not installed, or lacks what it needs.
+        InputError: rosbags, or a package that it needs, is not installed.
     """
     try:
         yield
@@ -181,7 +181,7 @@ def rosbags_for(path: Path, done: str) -> Iterator[None]:
 
 @contextmanager
 def _told(path: Path) -> Iterator[None]:
-    """Turn errors of rosbags, which a damaged file can make of any type, into an error of one line."""
+    """Turn errors of rosbags, which can have any type for a damaged file, into an error of one line."""
     try:
         with rosbags_for(path, "read"):
             yield

@@ -1,15 +1,15 @@
-"""The structure of video files: a walk that sees whether a whole video is there, before FFmpeg opens it.
+"""The structure of video files: a walk that checks that a video is complete before FFmpeg opens it.
 
-FFmpeg plays what is left of a file that was cut short, and takes a text for a playlist of other files. So a video is
-taken only if its content is that of a container known here, and if that is whole:
+FFmpeg plays the rest of a truncated file, and may read a text file as a playlist of other files. So a video is accepted
+only if it is a container of a known format, and complete:
 
-* AVI, MP4, QuickTime and Matroska (WebM) files say how long each part is, which shows every cut; those of a live
-  recording of unknown length are whole up to their last part, and no shorter than they say.
-* An MPEG program stream says it of each packet only: it shows a cut unless that fell between two packets.
+* AVI, MP4, QuickTime and Matroska (WebM) files give the length of each part, which reveals every cut. A live recording
+of unknown length must be complete up to its last part, and as long as its header says. * An MPEG program stream gives
+the length of each packet only, which reveals a cut unless it falls between two packets.
 
-PyAV (17.1, FFmpeg 8) cannot replace these walks: of the 599 cuts of tests/images/test_videos.py it takes 58
-for a whole video, with every packet decoded, its marks of corruption read, and frames and seconds compared with
-the header (28 of 85 cuts of a program stream, 16 of 173 of Matroska, 14 of 341 of the others); these walks take none.
+PyAV (17.1, FFmpeg 8) cannot replace these walks: it accepts 58 of the 599 cuts of tests/images/test_videos.py as
+complete videos, even with every packet decoded, its marks of corruption read, and frames and seconds compared with the
+header (28 of 85 cuts of a program stream, 16 of 173 of Matroska, 14 of 341 of the others); these walks accept none.
 
 Sources: AVI RIFF File Reference (Microsoft) with the OpenDML extensions 1.02; ISO/IEC 13818-1 for program streams;
 ISO/IEC 14496-12 and the QuickTime File Format; RFC 9559 and RFC 8794 (EBML) for Matroska.
@@ -30,13 +30,13 @@ from lava_vpr.storage.limits import within
 
 _KNOWN = "AVI, MP4, QuickTime, Matroska, WebM or MPEG program stream"
 _BOXES_FIRST = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
-"""Types of the box with which a file may begin."""
+"""Types of box with which a file may begin."""
 
 _ENTERED = (b"moov", b"trak", b"mdia", b"minf", b"dinf", b"stbl", b"edts")
 
 
 def _box(file: Window, position: int, end: int) -> Part:
-    """The box at ``position`` of what ends at ``end``."""
+    """The box at ``position``, within content that ends at ``end``."""
     length, kind = file.numbers(">I4s", position)
     start = position + 8
     if length == 1:
@@ -49,7 +49,8 @@ def _box(file: Window, position: int, end: int) -> Part:
 
 
 class _Track:
-    """One track, and its boxes by type; of equal ones the first (a handler of the data follows that of the medium)."""
+    """One track and its boxes by type; of boxes of the same type the first (the data handler follows the media
+    handler)."""
 
     def __init__(self, file: Window) -> None:
         self.file = file
@@ -89,7 +90,7 @@ class _Track:
         return np.full(count, same, np.int64) if same else self.table(b"stsz", ">u4", skip=8)[:, 0]
 
     def check_samples(self, media: list[tuple[int, int]]) -> None:
-        """Every chunk of samples must lie within one of the file's parts with media."""
+        """Check that every chunk of samples lies within one of the file's parts with media."""
         offsets = self.table(b"stco", ">u4")[:, 0]
         if b"co64" in self.boxes:
             offsets = self.table(b"co64", ">i8")[:, 0]
@@ -110,7 +111,7 @@ class _Track:
             raise DamagedError("frames are missing")
 
     def scale(self) -> int:
-        """Ticks of its clock in a second; 0 if it does not tell."""
+        """Ticks of its clock per second; 0 if unknown."""
         if b"mdhd" not in self.boxes:
             return 0
         start = self.boxes[b"mdhd"][0]
@@ -127,20 +128,20 @@ class _Track:
         return max(0.0, (whole if shown is None else min(whole, shown)) - last)
 
     def edits(self) -> NDArray[np.int64]:
-        """What the edit list shows, int64 (n, 2): how long, by the clock of the movie; from when on, by the track's."""
+        """The segments of the edit list, int64 (n, 2): duration by the movie's clock, and start by the track's."""
         wide = b"elst" in self.boxes and self.file.at(self.boxes[b"elst"][0], 1)[0] == 1
         rows = self.table(b"elst", ",".join([">i4"] * (5 if wide else 3)))
         rows = rows[:, [0, 2]] << 32 | rows[:, [1, 3]] & 0xFFFFFFFF if wide else rows[:, :2]
         return rows[rows[:, 1] >= 0]  # other rows are pauses
 
     def shown(self, movie_scale: int) -> float | None:
-        """Seconds that the edit list shows; None without one."""
+        """Total duration of the edit list in seconds; None without one."""
         if b"elst" not in self.boxes or not movie_scale:
             return None
         return float(self.edits()[:, 0].sum()) / movie_scale
 
     def least(self, movie_scale: int) -> int:
-        """Frames that it shows at least, beside those at the rounded ends of its edit list; 0 if it does not tell."""
+        """Fewest frames that it shows, without those at the rounded ends of its edit list; 0 if unknown."""
         steps, sizes, moved = self.table(b"stts", ">u4,>u4"), self.sizes(), self.table(b"ctts", ">i4,>i4")
         if len(sizes) and steps[:, 0].sum() != len(sizes):  # compact sizes are not counted here
             raise DamagedError(f"it has times of {steps[:, 0].sum():,} frames, and sizes of {len(sizes):,}")
@@ -157,7 +158,7 @@ class _Track:
         return int(((times >= first) & (times < first + (length - 1) * scale / movie_scale)).sum())
 
     def check_source(self) -> None:
-        """The media must lie in this file."""
+        """Check that the media are in this file."""
         if b"dref" not in self.boxes:
             return
         start, end = self.boxes[b"dref"]
@@ -175,11 +176,11 @@ class _Track:
 
 
 def _walk_mp4(file: Window) -> Film:
-    """What an MP4 or QuickTime file says of itself; it must be whole.
+    """Properties of an MP4 or QuickTime file, which must be complete.
 
     Raises:
         DamagedError: part of it is missing.
-        InputError: its media lie in other files.
+        InputError: its media are in other files.
     """
     tracks: list[_Track] = []
     media: list[tuple[int, int]] = []
@@ -210,7 +211,7 @@ def _walk_mp4(file: Window) -> Film:
 
 
 def _check_index(file: Window, start: int, end: int) -> None:
-    """The fragments that an index lists must be there."""
+    """Check that the fragments that an index lists are present."""
     wide = file.at(start, 1)[0] > 0
     offset = file.numbers(">Q", start + 20)[0] if wide else file.numbers(">I", start + 16)[0]
     position = start + (28 if wide else 20)
@@ -232,7 +233,7 @@ def _variable(data: bytes, most: int, position: int) -> tuple[int, int]:
     """The number of variable length with which ``data`` begins, its mark included, and its length in bytes.
 
     Raises:
-        DamagedError: it is longer than ``most``, or not whole; ``position`` is where it stands.
+        DamagedError: it is longer than ``most``, or incomplete; ``position`` is where it begins.
     """
     length = 9 - data[0].bit_length() if data else 9
     if length > min(most, len(data)):
@@ -254,7 +255,7 @@ def _element(file: Window, position: int, end: int) -> Part:
 
 
 class _Recording:
-    """What the elements of a Matroska file say; times are in ticks."""
+    """Properties collected from the elements of a Matroska file; times are in ticks."""
 
     def __init__(self, file: Window) -> None:
         self.file = file
@@ -265,7 +266,7 @@ class _Recording:
         self.blocks: dict[int, tuple[int, int, int]] = {}  # by the track's number: how many, first and last time
 
     def note(self, number: int, start: int, end: int) -> None:
-        """Note what an element says."""
+        """Record the value of an element."""
         if number == _DURATION and end - start in (4, 8):
             self.duration = self.file.numbers(">f" if end - start == 4 else ">d", start)[0]
         elif number == _TRACK:
@@ -282,7 +283,7 @@ class _Recording:
                 self.tracks[-1][number] = value
 
     def block(self, start: int) -> None:
-        """Note the time of a block."""
+        """Record the time of a block."""
         head = self.file.at(start, min(10, self.file.size - start))
         track, length = _variable(head, 8, start)
         time = self.cluster + self.file.numbers(">h", start + length)[0]
@@ -290,7 +291,7 @@ class _Recording:
         self.blocks[track - (1 << 7 * length)] = count + 1, min(first, time), max(last, time)
 
     def film(self, live: bool) -> Film:
-        """What the file says of itself; a ``live`` recording must be as long as it says, if it does."""
+        """Properties of the file; a ``live`` recording must be as long as its header says, if it gives a length."""
         declared = self.duration * self.scale / 1e9
         seconds = max((last for _, _, last in self.blocks.values()), default=0) * self.scale / 1e9
         if live and declared > seconds + _SLACK_S:
@@ -302,7 +303,7 @@ class _Recording:
 
 
 def _walk_matroska(file: Window) -> Film:
-    """What a Matroska or WebM file says of itself; it must be whole.
+    """Properties of a Matroska or WebM file, which must be complete.
 
     Raises:
         DamagedError: part of it is missing.
@@ -325,7 +326,7 @@ _AVI_ENDLESS = 1 << 30  # the number of frames that FFmpeg leaves where it canno
 
 
 def _walk_avi(file: Window) -> Film:
-    """An AVI file: every chunk must be there whole."""
+    """Properties of an AVI file; every chunk must be complete."""
     streams: list[bytes] = []  # header of each stream
     formats: list[bytes] = []
     # By the stream's two digits: its chunks, those that are not empty, and the number of the last of these.
@@ -374,7 +375,7 @@ def _packet(file: Window, position: int, end: int) -> Part:
 
 
 def _walk_program_stream(file: Window) -> Film:
-    """An MPEG program stream: every pack and packet must be there whole."""
+    """Properties of an MPEG program stream; every pack and packet must be complete."""
     for _ in file.walk(0, file.size, _packet):
         pass
     return Film("mpeg")
@@ -386,7 +387,7 @@ _WALKS: tuple[tuple[re.Pattern[bytes], Callable[[Window], Film]], ...] = (
     (re.compile(rb".{4}(?:%b)" % b"|".join(_BOXES_FIRST), re.DOTALL), _walk_mp4),
     (re.compile(rb"\x00\x00\x01\xba"), _walk_program_stream),
 )
-"""The walk over a file, by how it begins."""
+"""The walk for each kind of file, by the bytes at its beginning."""
 
 
 def examine(handle: int) -> Film:
@@ -396,7 +397,7 @@ def examine(handle: int) -> Film:
         handle: The descriptor of a regular file.
     Raises:
         DamagedError: part of it is missing.
-        InputError: it is no video of a known format, or plays other files; the text lacks the file's name.
+        InputError: it is no video of a known format, or refers to other files; the text lacks the file's name.
     """
     file = Window(handle, "video_parts")
     first = file.at(0, min(12, file.size))

@@ -27,9 +27,9 @@ class Taken(NamedTuple):
     """Position and time of a photo.
 
     Attributes:
-        where: Latitude and longitude in degrees (WGS 84), north and east positive; None if it does not say.
-        when: Seconds since 1970, of local time as if it were UTC where ``zoned`` is false; None if it does not say.
-        zoned: Whether the distance of its local time from UTC is known.
+        where: Latitude and longitude in degrees (WGS 84), north and east positive; None if unknown.
+        when: Seconds since 1970; local time read as UTC where ``zoned`` is false; None if unknown.
+        zoned: Whether the offset of its local time from UTC is known.
     """
 
     where: tuple[float, float] | None
@@ -59,7 +59,8 @@ def taken(path: Path) -> Taken:
 def _values(
     block: bytes, tags: tuple[int, ...], types: Mapping[int, str], at: int | None = None
 ) -> dict[int, tuple[Any, ...]]:
-    """The values of ``tags`` in a directory of an EXIF block, the first or the one ``at`` a byte; damaged ones lack."""
+    """The values of ``tags`` in a directory of an EXIF block, the first or the one ``at`` a byte; damaged ones are left
+    out."""
     found: dict[int, tuple[Any, ...]] = {}
     if block[:4] in _TIFF:
         with contextlib.suppress(DamagedError, InputError):
@@ -96,7 +97,7 @@ def _degrees(parts: tuple[int, ...]) -> float | None:
 
 
 def _time(block: bytes, at: int | None) -> tuple[float | None, bool]:
-    """Seconds since 1970, and whether the distance from UTC is known."""
+    """Seconds since 1970, and whether the offset from UTC is known."""
     found = {} if at is None else _values(block, (_TAKEN, _SUB_SECONDS, _OFFSET), _TEXT, at)
     texts = {tag: _text(values) for tag, values in found.items()}
     try:

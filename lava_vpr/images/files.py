@@ -22,7 +22,7 @@ CONVERT = (
     "convert such images to JPEG (magick mogrify -format jpg *.heic, or heif-convert), or let the phone take JPEG "
     "(iPhone: Camera, Formats, Most Compatible)"
 )
-"""What helps against images in the formats of phones, which nothing here can decode."""
+"""The remedy for images in the formats of phones, which no decoder here reads."""
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg")
 
 
@@ -30,19 +30,20 @@ _NOTES = logging.getLogger("lava_vpr")
 
 
 def natural_key(name: str) -> tuple[list[str | tuple[int, str]], str]:
-    """Sort key that reads digits as numbers and ignores case: img2 before img10. Equal ones: by plain text."""
+    """Sort key that reads digits as numbers and ignores case: img2 before img10. Equal names sort as plain text."""
     parts = re.split("([0-9]+)", name.casefold())  # text and numbers take turns, beginning with text
     return [_number(part) if k % 2 else part for k, part in enumerate(parts)], name
 
 
 def _number(digits: str) -> tuple[int, str]:
-    """What sorts as the number does; Python refuses to read one of thousands of digits."""
+    """A key that sorts like the number; Python refuses to parse numbers of thousands of digits."""
     significant = digits.lstrip("0")
     return len(significant), significant
 
 
 def refuse_file(path: Path, where: str = "", remedy: str = "") -> NoReturn:
-    """Say why ``path`` is no regular file: ``where`` precedes it, ``remedy`` follows the usual ones."""
+    """Raise an error that says why ``path`` is no regular file: ``where`` precedes the path, ``remedy`` follows the
+    usual remedies."""
     try:
         path.stat()
         cause = "is a folder, not an image" if path.is_dir() else "is not a regular file"
@@ -95,18 +96,19 @@ def folder_images(folder: Path) -> list[str]:
 
 
 def is_unread(name: str) -> bool:
-    """Whether a file is an image by its name, in a format that nothing here can decode."""
+    """Whether a file's name is that of an image in a format that no decoder here reads."""
     return Path(name).suffix.lower() in UNREAD_SUFFIXES
 
 
 def _unread(names: list[str]) -> str:
-    """How many images of such formats there are, and the first, for a message."""
+    """The number of images of such formats, and the first, for a message."""
     many = f"{len(names)} image{'s' if len(names) > 1 else ''}"
     return f"{many} in a format that cannot be read (first: {shown(min(names, key=natural_key))})"
 
 
 def note_unread(folder: Path, names: Iterable[str]) -> bool:
-    """Note which images of ``folder`` are left out because nothing here can decode their format; whether any are."""
+    """Log which images of ``folder`` are left out because no decoder here reads their format; returns whether any
+    are."""
     unread = list(names)
     if unread:
         _NOTES.warning(f"{shown(folder)}: holds {_unread(unread)}, left out here; {CONVERT}")
@@ -124,7 +126,7 @@ def listed_images(path: Path) -> list[str]:
     """The files that a text or CSV list names, in its order; paths relative to the list's folder.
 
     The first row of a CSV list is a header if one of its cells is in `PATH_COLUMNS` (in any letter case); the first of
-    these names tells the column. Otherwise all rows are images, and their first cells are the paths.
+    these names gives the column. Otherwise all rows are images, and their first cells are the paths.
 
     Raises:
         InputError: the list cannot be read, names no image, or names one that is no regular file.
@@ -153,7 +155,7 @@ def _text_entries(path: Path) -> list[tuple[int, str]]:
 
 
 def _csv_entries(path: Path) -> tuple[list[tuple[int, str]], str]:
-    """Line number and path of each row below the header, and what to say if the first names no file."""
+    """Line number and path of each row below the header, and the hint for a first row that names no file."""
     rows = csv_rows(path)
     header = [cell.lower() for cell in rows[0][1]] if rows else []
     column = next((name for name in PATH_COLUMNS if name in header), None)

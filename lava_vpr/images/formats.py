@@ -1,12 +1,12 @@
-"""The structure of image files: a walk that sees whether a whole image is there, how large it is and how it was turned.
+"""The structure of image files: a walk that checks that an image is complete, and finds its size and orientation.
 
-Some OpenCV versions return half a picture for a file that was cut short, OpenCV ignores the orientation of WebP, and it
-takes the memory of any size that a file claims. What a walk cannot see: samples of a BMP or TIFF that were overwritten,
-if they are stored without compression or by PackBits, and zeros over less than the last 128 bytes of a WebP.
-Pillow (12.3) cannot take the place of the walk: of 459 cuts like those of tests/images/test_imagefiles.py it
-takes 4 for a whole image (PNG, uncompressed TIFF), of 442 with a tail of zeros 129 (WebP, TIFF packed by Deflate),
-where the walk and OpenCV together take none; and it decodes each image once more, which takes longer than all that is
-done here. Source of TIFF and BigTIFF: TIFF 6.0 (Adobe), and the BigTIFF design of libtiff.
+Some OpenCV versions return half a picture for a truncated file. OpenCV also ignores the orientation of WebP, and
+allocates memory for any size that a file claims. A walk cannot detect overwritten samples of a BMP or TIFF without
+compression or packed by PackBits, nor zeros in fewer than the last 128 bytes of a WebP. Pillow (12.3) cannot replace
+the walk: it accepts 4 of 459 cuts like those of tests/images/test_imagefiles.py as complete images (PNG, uncompressed
+TIFF), and 129 of 442 files with a tail of zeros (WebP, TIFF packed by Deflate). The walk and OpenCV together accept
+none. Pillow also decodes each image a second time, which takes longer than all the work done here. Source of TIFF and
+BigTIFF: TIFF 6.0 (Adobe), and the BigTIFF design of libtiff.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ _ASKED |= {_TILE_WIDTH, _TILE_HEIGHT, _TILES, _TILE_BYTES, _COLOURS, _FILL_ORDER
 def entries(
     file: Window, asked: Collection[int], types: Mapping[int, str] = _TYPES, at: int | None = None
 ) -> Iterator[tuple[int, tuple[Any, ...]]]:
-    """The entries of a directory that are ``asked`` for, each once, and of these ``types``: tag and numbers, or text.
+    """The requested (``asked``) entries of a directory, each once, of these ``types``: tag and numbers, or text.
 
     Args:
         file: A TIFF, or an EXIF block.
-        asked: Tags.
+        asked: The requested tags.
         types: How `struct` reads a value of each type.
         at: Where the directory begins; None: the first.
     Raises:
-        DamagedError: one of them is not there.
+        DamagedError: one of them lies beyond the end.
     """
     asked, order = set(asked), "<" if file.at(0, 2) == b"II" else ">"
     big = file.at(2, 2) in (b"+\0", b"\0+")
@@ -79,16 +79,16 @@ _PNG_TEXTS = (b"zTXt", b"iTXt", b"tEXt", b"iCCP")  # no pixels, but seconds to u
 
 @dataclass(frozen=True)
 class Header:
-    """What the walk over an image file finds.
+    """Properties of an image file, found by the walk.
 
     Attributes:
         width, height: Largest size in pixels that the file gives for its picture.
-        data: The bytes to decode: the file, less what costs time and holds no pixels.
+        data: The bytes to decode: the file without parts that cost time and hold no pixels.
         exif: Its EXIF block (TIFF structure), or empty.
         shortened: If the file ends in zeros: bytes that can be decoded only if these zeros were not needed, that is,
             stand where a picture was; else empty.
-        pictures: Whether it holds others beside the first, pages or frames.
-        zeros: Rows of nothing but 0 at the end of the picture's data, where these are not compressed.
+        pictures: Whether it holds further pictures after the first: pages or frames.
+        zeros: Rows of zeros at the end of the picture's data, where these are not compressed.
     """
 
     width: int
@@ -106,7 +106,7 @@ def _zeros_at_end(data: bytes) -> int:
 
 
 def _walk_jpeg(data: bytes, file: Window) -> Header:
-    """A JPEG; the walk must meet a frame header, a scan and the end-of-image marker."""
+    """Walk over a JPEG, which must have a frame header, a scan and the end-of-image marker."""
     exif, position, scans, width, height = b"", 2, 0, 0, 0
     marker = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
     while True:
@@ -139,7 +139,7 @@ def _png_chunk(file: Window, position: int, end: int) -> Part:
 
 
 def _walk_png(data: bytes, file: Window) -> Header:
-    """A PNG; all chunks up to IEND must be there, and the critical ones intact."""
+    """Walk over a PNG, which must have all chunks up to IEND, the critical ones intact."""
     exif, texts, pictures = b"", [(0, 0)], False
     width, height = file.numbers(">II", 16)
     for kind, start, end in file.walk(8, file.size, _png_chunk):
@@ -162,7 +162,7 @@ def _walk_png(data: bytes, file: Window) -> Header:
 
 
 def _walk_webp(data: bytes, file: Window) -> Header:
-    """A WebP; the chunks must fill the length that its RIFF header says."""
+    """Walk over a WebP, whose chunks must fill the length in its RIFF header."""
     exif, width, height, shortened, frames = b"", 0, 0, b"", 0
     for kind, start, end in file.walk(12, file.reach(8 + file.numbers("<I", 4)[0]), riff_chunk, align=2):
         frames += kind == b"ANMF"
@@ -191,7 +191,7 @@ def _webp_size(kind: bytes, file: Window, start: int) -> tuple[int, int]:
 
 
 def _walk_bmp(data: bytes, file: Window) -> Header:
-    """A BMP; an uncompressed one must have all its rows and no more, a run-length coded one its end."""
+    """Walk over a BMP: an uncompressed one must have exactly its rows, a run-length coded one its end code."""
     said, _, offset, header = file.numbers("<IIII", 2)
     compression = length = zeros = 0
     if header < 40:
@@ -213,11 +213,11 @@ def _walk_bmp(data: bytes, file: Window) -> Header:
 
 
 def _walk_tiff(data: bytes, file: Window) -> Header:
-    """A TIFF, of the size of its first picture, or of a tile if that is larger; all its strips must be there.
+    """Walk over a TIFF, whose strips must all be complete; its size is that of its first picture, or of a larger tile.
 
     Raises:
         DamagedError: part of the file is missing.
-        InputError: its samples are no unsigned numbers of up to 16 bits.
+        InputError: its samples are not unsigned integers of up to 16 bits.
     """
     tags, zeros = dict(entries(file, _ASKED)), 0
     width, height = _first(tags, _WIDTH), _first(tags, _HEIGHT)
@@ -245,7 +245,8 @@ def _walk_tiff(data: bytes, file: Window) -> Header:
 
 
 def _check_strips(data: bytes, tags: dict[int, tuple[int, ...]]) -> None:
-    """See that each strip packed by LZW or Deflate unpacks to its rows: a decoder fills up what is asked beyond it."""
+    """Check that each strip packed by LZW or Deflate unpacks to its rows: a decoder would fill missing ones
+    silently."""
     packing, bits = _first(tags, _COMPRESSION, 1), set(tags.get(_BITS) or (1,))
     strips = [data[at : at + size] for at, size in zip(tags.get(_STRIPS, ()), tags.get(_STRIP_BYTES, ()), strict=False)]
     if packing not in _COUNTED or _TILES in tags or _first(tags, _COLOURS) == _YCBCR or len(bits) > 1:
@@ -273,7 +274,7 @@ def _first(tags: dict[int, tuple[int, ...]], tag: int, otherwise: int = 0) -> in
 
 
 _PHONES = re.compile(rb".{4}ftyp(heic|heix|heim|heis|hevc|hevx|mif1|msf1|avif|avis)", re.DOTALL)
-"""How HEIC, HEIF and AVIF begin. Source: ISO/IEC 23008-12 and the AV1 Image File Format, their brands."""
+"""The beginnings of HEIC, HEIF and AVIF files. Source: ISO/IEC 23008-12 and the AV1 Image File Format, their brands."""
 _WALKERS: tuple[tuple[re.Pattern[bytes], Callable[[bytes, Window], Header]], ...] = (
     (re.compile(rb"\xff\xd8\xff"), _walk_jpeg),
     (re.compile(rb"\x89PNG\r\n\x1a\n"), _walk_png),
@@ -281,15 +282,15 @@ _WALKERS: tuple[tuple[re.Pattern[bytes], Callable[[bytes, Window], Header]], ...
     (re.compile(rb"BM"), _walk_bmp),
     (re.compile(rb"II[*+]\0|MM\0[*+]"), _walk_tiff),
 )
-"""What walks over a file, by how it begins."""
+"""The walk for each kind of file, by the bytes at its beginning."""
 
 
 def walk(data: bytes) -> Header:
-    """What an image file says of its picture; its format's own structure shows that it is whole.
+    """Properties of the picture in an image file, which is complete by the structure of its format.
 
     Raises:
         DamagedError: part of the file is missing or damaged.
-        InputError: no known format, or it costs more than allowed.
+        InputError: the format is unknown, or the file exceeds a limit.
     """
     walker = next((walker for begins, walker in _WALKERS if begins.match(data)), None)
     if walker is None and _PHONES.match(data):

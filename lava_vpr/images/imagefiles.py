@@ -1,7 +1,8 @@
-"""Image files as uint8 arrays, and those that appear in a folder, each once it is whole; damage is one clear error.
+"""Image files as uint8 arrays, read from paths, or from a folder as they appear there; a damaged file is one clear
+error.
 
-OpenCV decodes. Around it: a walk over the file's own structure, the EXIF orientation, and silence: what codecs print
-on standard error is caught, so that the user sees our line alone.
+OpenCV decodes. Around it, this module walks over the file's structure, applies the EXIF orientation, and catches what
+codecs print on standard error, so that the user sees only our line.
 
 Formats: JPEG, PNG, BMP, TIFF, WebP, recognised by content and not by name; of several pages or animation frames the
 first. Transparency is dropped: the colours below it are used as they are stored, as OpenCV's own colour reading does.
@@ -49,7 +50,7 @@ def _memory_file() -> io.FileIO | IO[bytes]:
 
 @contextlib.contextmanager
 def quiet() -> Iterator[list[bytes]]:
-    """Catch what native code prints on standard error; the list is filled with its codec messages at the end."""
+    """Catch what native code prints on standard error; at the end the list holds its codec messages."""
     messages: list[bytes] = []
     if _beside_others():
         yield messages
@@ -78,16 +79,16 @@ def quiet() -> Iterator[list[bytes]]:
 
 
 SIDE_PIXELS, SIDE_BYTES = 1 << 24, 1 << 27
-"""Pixels of an image, and bytes of its file, that are read beside others at most: each thread holds one."""
+"""Largest image in pixels, and largest file in bytes, that is read while others are: each thread holds one."""
 _thread = threading.local()
 
 
 class AloneError(Exception):
-    """Raised for an image that must be read while no other is, because it must be reported or is large."""
+    """Raised for an image that must be read alone, because it must be reported or is large."""
 
 
 def _beside_others() -> bool:
-    """Whether this thread reads an image beside others."""
+    """Whether this thread reads an image while others do."""
     return getattr(_thread, "beside", False)
 
 
@@ -98,11 +99,11 @@ def _alone_if(needed: bool) -> None:
 
 
 def side_by_side(work: Callable[[int], object], numbers: Sequence[int], threads: int) -> bool:
-    """Have threads do ``work``, which reads an image, for all ``numbers`` at once.
+    """Call ``work``, which reads an image, for all ``numbers`` on threads.
 
     Returns:
-        Whether all is done; else one of the images is to be reported, by an error or otherwise, and nothing
-        was: who does the same one after the other hears it in its turn.
+        Whether all work is done. If not, one of the images must be reported and none was: call ``work`` one by one, and
+        the report comes in its order.
     """
 
     given_up = threading.Event()
@@ -141,13 +142,13 @@ def _damage_in(messages: list[bytes]) -> bool:
 def decode_image(data: bytes, where: str) -> NDArray[np.uint8]:
     """The bytes of an image file as uint8, (h, w, 3) BGR, or (h, w) for a grey file; see the module for the rules.
 
-    Content that is not read, or looks wrong, is logged.
+    Content that is ignored, or looks wrong, is logged.
 
     Args:
         data: The bytes.
-        where: What a message begins with.
+        where: The beginning of messages.
     Raises:
-        InputError: what is wrong with them, or what they cost beyond a limit.
+        InputError: they are damaged or unsupported, or exceed a limit.
     """
     try:
         return _decoded_image(data, where)
@@ -156,7 +157,7 @@ def decode_image(data: bytes, where: str) -> NDArray[np.uint8]:
 
 
 def _decoded_image(data: bytes, where: str) -> NDArray[np.uint8]:
-    """As `decode_image`; errors lack what a message begins with."""
+    """As `decode_image`, but errors lack the beginning ``where``."""
     if not data:
         raise InputError("is empty (0 bytes); copy it again or remove it")
     try:
@@ -199,11 +200,11 @@ def read_image(path: Path) -> NDArray[np.uint8]:
 
 _NOTES = logging.getLogger("lava_vpr")
 _FEW_BITS = 12
-"""Significant bits of 16-bit samples up to which a picture comes out nearly black."""
+"""Significant bits of 16-bit samples at or below which a picture comes out nearly black."""
 
 
 def _note(header: Header, image: NDArray[Any], where: str) -> None:
-    """Log where a picture is not read as its user may expect; commands show the first note of each kind."""
+    """Log that a picture is not read as its user may expect; commands show the first note of each kind."""
     bits = int(image.max()).bit_length() if image.dtype == np.uint16 else 0
     for sort, there, said in (
         ("pictures", header.pictures, "holds several pictures (pages or frames), of which the first is read"),
@@ -243,7 +244,7 @@ def _decoded(data: bytes) -> tuple[NDArray[Any] | None, list[bytes]]:
 
 
 def _narrowed(image: NDArray[np.uint16]) -> NDArray[np.uint8]:
-    """``round(x / 257)`` of 16-bit samples, row by row: all at once would take twice the picture's memory beside it."""
+    """``round(x / 257)`` of 16-bit samples, row by row: all at once would need twice the picture's memory more."""
     narrow = np.empty(image.shape, np.uint8)
     for row, wide in zip(narrow, image, strict=True):
         row[...] = (wide.astype(np.uint32) + 128) // 257
@@ -262,9 +263,9 @@ def _turned(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:
 
 
 PAUSE_S = 0.05
-"""Seconds between two looks at the folder: a file whose size and time stay equal between them may be complete."""
+"""Seconds between two checks of the folder: a file whose size and time are equal in both may be complete."""
 PATIENCE_S, LONGEST_S = 5.0, 30.0
-"""Seconds after which a file that cannot be read is reported: since its last change, and since the first look at it."""
+"""Seconds after which a file that cannot be read is reported: since its last change, and since it was first seen."""
 _TICK_NS = 2_000_000_000  # seconds without a change after which a folder's list is taken to be current
 
 
@@ -277,15 +278,15 @@ def appearing(
 ) -> Iterator[tuple[str, float, NDArray[np.uint8] | InputError]]:
     """The images in ``folder``, as they appear, each name once; those that appear together by natural sort.
 
-    A file that is being written is waited for, and with it those behind it, so that the order is kept: until its size
-    and time stay as they are from one look to the next and its picture can be decoded, at most `PATIENCE_S` after its
-    last change and `LONGEST_S` in all. Hidden files, other types and folders are ignored.
+    A file that is still being written, and with it those after it, waits until its size and time are equal in two
+    checks and its picture can be decoded, at most `PATIENCE_S` after its last change and `LONGEST_S` in all. So the
+    order is kept. Hidden files, other types and folders are ignored.
 
     Args:
         folder: The folder.
-        existing: Take what is there at the first look, too.
+        existing: Also yield the images that are there at the first check.
         now: Another clock, in seconds, which never goes back.
-        pause: What waits for so many seconds, until it is time to look again.
+        pause: Called to wait this many seconds until the next check.
     Yields:
         Path, seconds since 1970 of the file's last change (NaN if it is gone), and the image or why it cannot be read.
     Raises:
@@ -313,13 +314,13 @@ def appearing(
 
 
 class _Listing:
-    """The names of the images in a folder, listed again where it may have changed."""
+    """The names of the images in a folder, listed again when it may have changed."""
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._changed, self._noted = folder, -1, False
 
     def names(self) -> set[str] | None:
-        """The names; None: they are as they were."""
+        """The names; None: unchanged."""
         try:
             changed = os.stat(self._folder).st_mtime_ns
             if changed == self._changed and time.time_ns() - changed > _TICK_NS:
@@ -337,7 +338,7 @@ class _Listing:
 
 
 def _is_image(entry: os.DirEntry[str]) -> bool:
-    """Whether an entry of a folder is to be taken for an image; a link that leads nowhere is."""
+    """Whether an entry of a folder counts as an image; a broken link does."""
     if entry.name.startswith(".") or Path(entry.name).suffix.lower() not in IMAGE_SUFFIXES:
         return False
     try:
@@ -347,7 +348,7 @@ def _is_image(entry: os.DirEntry[str]) -> bool:
 
 
 class _File:
-    """A file that is waited for.
+    """A file that may not be complete yet.
 
     Args:
         path: The file.
@@ -361,7 +362,7 @@ class _File:
         self._refused: InputError | None = None
 
     def look(self, now: float) -> None:
-        """See whether it has changed."""
+        """Check whether it has changed."""
         try:
             found = os.stat(self.path)
             status, self.written = (found.st_size, found.st_mtime_ns), found.st_mtime
@@ -372,7 +373,7 @@ class _File:
             self._status, self._since, self._refused = status, now, None
 
     def image(self, now: float) -> NDArray[np.uint8] | InputError | None:
-        """The picture, or why there is none; None: that is not known yet."""
+        """The picture, or why there is none; None: not known yet."""
         if self._status == (-1, -1):
             if os.path.islink(self.path):
                 return InputError(f"{shown(self.path)}: is a link that leads to no file; correct or remove it")

@@ -1,4 +1,4 @@
-"""How much the strips of a TIFF unpack to: their decoder fills up what a damaged width or height asks for beyond it.
+"""Unpacked size of the strips of a TIFF: decoders silently fill what a damaged width or height asks for beyond it.
 
 Source of LZW as TIFF has it: TIFF 6.0 (Adobe), section 13.
 """
@@ -19,7 +19,7 @@ _PIECE = 1 << 20
 
 @compiled(nogil=True)
 def _lzw(data: NDArray[np.uint8]) -> int:
-    """Bytes that LZW codes stand for, up to the end or to a code that cannot be."""
+    """Bytes that LZW codes unpack to, up to the end or to an impossible code."""
     lengths = np.ones(_CODES, np.int64)
     width, free, held, bits, before, total = 9, _FIRST, 0, 0, 0, 0
     for byte in data:
@@ -49,7 +49,7 @@ def lzw_bytes(strip: bytes) -> int:
 
 
 def deflate_bytes(strip: bytes) -> int:
-    """Bytes that a strip packed by Deflate unpacks to, as far as it is sound."""
+    """Bytes that a strip packed by Deflate unpacks to, as far as it is intact."""
     unpack: Any = zlib.decompressobj()
     total, rest = 0, strip
     try:

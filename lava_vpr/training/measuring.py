@@ -1,19 +1,20 @@
-"""What is measured on a model's own references and nothing else: S^R, and what margins look like.
+"""Measurements on a model's own references only: the reference responses S^R, and margins of answers.
 
-S^R says how often each neuron spikes for each place. Margins, for the calibration of probabilities, are those of
-answers that are right, wrong and off the map.
+S^R holds how often each neuron spikes for each place. Margins of answers that are right, wrong and off the map
+calibrate the probabilities.
 
-On the map: references of which most inputs (`ALTERED` of them, drawn again for each) show what they show in another
-reference. So much of an image changes with the season: on Nordland 0:200, learned in either season and asked in the
-other, `ALTERED` was chosen among shares from 0.6 to 0.95 as the one with the least calibration error where half of the
-queries are off the map. Where all are on it, what counts is who is taken for another, and so altered references are
-nearly never: these probabilities are measured on images that are `varied`, altered by more and less (`SHARES`), every
-other turn `seen_otherwise`, too. They were chosen there and on its halves, among 15 sets of shares between 0.4 and 0.95
-of which all, half or none are seen otherwise: of the three under which what was right and wrong is likeliest, within
-0.0004 a query, the one that vectors have, too. Gardens Point 0:50, whose views change, is far from all of them.
+On the map: references in which a share `ALTERED` of the inputs, drawn again for each, take the values of another
+reference. The share models a change of season: of shares from 0.6 to 0.95 it had the least calibration error on
+Nordland 0:200, learned in either season and queried in the other, with half of the queries off the map. Where all
+queries are on the map, the probabilities depend on how often a place is mistaken for another, which nearly never
+happens to references altered so; they are measured on images altered by different shares (`SHARES`), every other turn
+also `seen_otherwise`. These shares were chosen on the same images and on halves of them, among 15 sets of shares
+between 0.4 and 0.95 with all, half or none of the images seen otherwise. Three sets gave the observed right and wrong
+answers the highest likelihood, equal within 0.0004 a query; of these the one that vectors use was taken. None of the
+sets suits Gardens Point 0:50, whose views change.
 
-Off the map: references shown to the network without the neurons of their part of the route, a quarter of it; places
-near the ends of that part, which their neighbours outside would know, are not asked.
+Off the map: references shown to the network without the neurons of their quarter of the route. Places near the ends of
+that quarter are left out, since their neighbours outside would recognise them.
 """
 
 from __future__ import annotations
@@ -47,18 +48,18 @@ from lava_vpr.storage.arrays import narrow
 ALTERED = 0.8
 """Share of the inputs of an image that are altered."""
 SHARES = (0.7, 0.8, 0.9)
-"""Shares that are altered, in turns, of the inputs of a varied image and of the values of a vector: how much changes
-depends on what made it. Of vectors chosen on Nordland 0:200 in both directions, half of the queries off the map, by HOG
-and by projected dense HOG."""
+"""Shares of the inputs of an image, and of the values of a vector, that are altered in turns. Those of vectors were
+chosen on Nordland 0:200 in both directions with half of the queries off the map, for HOG and for projected dense
+HOG."""
 LIGHT = (0.4, 1.6)
-"""By how much the inputs of an image that is lit from a side respond more, from one end to the other."""
+"""Relative change of the inputs' responses from one side to the other of an image that is lit from a side."""
 SAMPLES = 500
-"""At most about so many samples on the map, and as many off it; no reference more than `_REPEATS` times."""
+"""Most samples, about, on the map, and as many off it; no reference is used more than `_REPEATS` times."""
 _PARTS, _SHIFTS, _REPEATS = 4, 2, 4
 
 
 def calibrated(model: Model, pool: Pool = ONE_THREAD) -> Model:
-    """``model`` with its calibration, for its file to keep; as it is, if its network is the float conductance model's.
+    """``model`` with its calibration, to be saved with it; unchanged if its network is the float conductance model.
 
     Args:
         model: A model.
@@ -84,13 +85,11 @@ def measured(model: IntegerModel, pool: Pool = ONE_THREAD) -> Calibration:
 
 
 class Question(NamedTuple):
-    """What is asked of a network.
-
-    Attributes:
-        places: The place that each presentation shows, int64 (presentations,); -1: none that the network knows.
-        block: Makes what is shown.
-        scores: Scores of the places, by spike counts.
-        kinds: Which of `KINDS` an answer is that is right, and one that is wrong.
+    """Presentations to a network whose right answers are known. Attributes: places: The place that each presentation
+    shows, int64 (presentations,); -1: no place of the network.
+        block: Makes the presentations.
+        scores: Computes the scores of the places from spike counts.
+        kinds: The `KINDS` of a right and of a wrong answer.
     """
 
     places: NDArray[np.int64]
@@ -99,7 +98,7 @@ class Question(NamedTuple):
     kinds: tuple[float, float] = (RIGHT, WRONG)
 
     def samples(self, counts: NDArray[np.int32]) -> NDArray[np.float64]:
-        """Margins of the answers that spike counts are, and which of `KINDS` each is, (presentations, 2)."""
+        """Margins of the answers that spike counts give, and the `KINDS` of each, float64 (presentations, 2)."""
         scores = self.scores(counts)
         kinds = np.where(best(scores) == self.places, *self.kinds)
         return np.stack([margin(scores), np.where(self.places < 0, OFF_MAP, kinds)], axis=1)
@@ -119,15 +118,15 @@ def answered(model: IntegerModel, asked: Sequence[Question], pool: Pool = ONE_TH
 
 
 def on_map(model: IntegerModel) -> list[Question]:
-    """Altered references, asked of the whole network, each repetition with noise of its own; networks that learned
-    equal references with equal settings of inputs and seed are asked the same."""
+    """Altered references for the whole network, each repetition with its own noise. Networks that learned equal
+    references with equal settings of inputs and seed get the same ones."""
     vectors = INPUTS[model.config.encoder.kind].sees == "vector"
     shares, channels = (SHARES, model.config.encoder.layout.channels) if vectors else ((ALTERED,), 1)
     return _altered(model, lambda places, repeat: _in_turns(model, places, repeat, shares, channels))
 
 
 def _varied(model: IntegerModel, first: int) -> list[Question]:
-    """References that are altered by more and less, and seen otherwise in every other turn; noise from ``first`` on."""
+    """References altered by different shares, and seen otherwise in every other turn; noise from ``first`` on."""
 
     def shown(places: NDArray[np.int64], turn: int) -> NDArray[np.float32]:
         made = _in_turns(model, places, first + turn, SHARES, 1)
@@ -140,7 +139,7 @@ def _varied(model: IntegerModel, first: int) -> list[Question]:
 def _altered(
     model: IntegerModel, shown: Callable[[NDArray[np.int64], int], NDArray[np.float32]], first: int = 0
 ) -> list[Question]:
-    """References as they are ``shown``, by places and turn, asked of the whole network; noise from ``first`` on."""
+    """References for the whole network, altered by ``shown`` for places and turn; noise from ``first`` on."""
     repeats = min(_REPEATS, max(2, -(-SAMPLES // model.places)))
     places = np.unique(np.linspace(0, model.places - 1, min(model.places, SAMPLES)).astype(np.int64))
     scores = partial(scores_of, model, model.responses)
@@ -167,7 +166,7 @@ def _off_map(
     left_out: NDArray[np.int64],
     repeats: int,
 ) -> Question:
-    """References that were left out, asked of the network without the neurons of their part of the route."""
+    """References for the network without the neurons of their part of the route."""
     chosen = left_out[:: max(1, len(left_out) * _PARTS * _SHIFTS // SAMPLES)]
 
     def block() -> Block:
@@ -190,15 +189,15 @@ def altered(
     share: float | NDArray[np.float64] = ALTERED,
     channels: int = 1,
 ) -> NDArray[np.float32]:
-    """References at ``places`` of which a share of the inputs show what they show in another reference.
+    """References at ``places`` in which a share of the inputs take the values of another reference.
 
     Args:
         activity: Input responses to all references, float32 (references, inputs).
         places: Which references are altered, int64 (n,).
         seed: Seed of the draws.
-        repeat: Another number gives other draws.
+        repeat: The number of the repetition; each has its own draws.
         share: The share of the inputs, in [0, 1], of all or of each reference (n,).
-        channels: So many inputs, one of each channel, are altered together: ON and OFF of a value of a vector.
+        channels: Number of inputs altered together, one of each channel, such as ON and OFF of a value of a vector.
     Returns:
         float32 (n, inputs).
     """
@@ -216,12 +215,12 @@ def altered(
 def seen_otherwise(
     activity: NDArray[np.float32], layout: ChannelLayout, turns: NDArray[np.int64]
 ) -> NDArray[np.float32]:
-    """Images as they are, from half a cell aside, lit from a side, or with a corner covered, in turns.
+    """Images in four turns: unchanged, shifted by half a cell, lit from a side, with a corner covered.
 
     Args:
         activity: Input responses to the images, float32 (n, inputs).
         layout: The inputs.
-        turns: Which of the four each is, modulo four, and in fours from which side, int64 (n,).
+        turns: Turn of each image modulo four; the turn divided by four selects the side; int64 (n,).
     Returns:
         float32 (n, inputs).
     """
@@ -251,7 +250,7 @@ def scores_of(model: IntegerModel, responses: NDArray[Any], counts: NDArray[np.i
 
 
 def _without_parts(model: IntegerModel) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.int64]]]:
-    """The neurons that are left without one part of the route, the places of that part, and those amid it."""
+    """For each part of the route: the neurons outside it, its places, and those in its middle."""
     places = model.places
     parts = min(_PARTS, places)
     size, neuron_places = places / parts, model.neuron_places()
@@ -280,7 +279,7 @@ def expected_rates(model: Model) -> NDArray[np.float64]:
 
 
 def references_of(model: Model) -> list[EncodedTraverse]:
-    """The reference traverses, each in every view, as far as a model keeps them; thumbnails are those of the first."""
+    """The reference traverses in every view, as far as a model stores them; thumbnails are those of the first."""
     parts = []
     for start in range(0, len(model.labels), model.places):
         images = slice(start, start + model.places)
@@ -361,7 +360,8 @@ def reference_responses(
 
 
 def coverage(responses: NDArray[Any]) -> tuple[int, int]:
-    """Neurons with any spike, and places to which some neuron responds most, of counts (neurons, places)."""
+    """Number of neurons with any spike, and of places that are some neuron's strongest response, from counts (neurons,
+    places)."""
     used = responses.any(axis=1)
     return int(used.sum()), len(np.unique(responses[used].argmax(axis=1)))
 

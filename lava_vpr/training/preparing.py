@@ -31,7 +31,7 @@ from lava_vpr.truth.alignment import NEAR_M
 
 
 def nearest(places: Positions, images: Positions) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """The image taken nearest to each place, int64 (places,), and how many metres away, float64 (places,).
+    """The image taken nearest to each place, int64 (places,), and its distance in metres, float64 (places,).
 
     Raises:
         InputError: the frames of the two cannot be compared.
@@ -65,8 +65,8 @@ def choose_places(
         change: Least change of the input between two places (`changed`); all images of the first traverse are read.
         progress: Called with 1 after every image that is read.
     Raises:
-        InputError: positions are needed and missing, one place alone is left, another traverse was nowhere near a
-            place, or nothing tells which of its images show the places.
+        InputError: positions are needed and missing, only one place is left, another traverse has no image near a
+            place, or nothing decides which of its images show the places.
     """
     first = traverses[0]
     kept: NDArray[np.int64] | None = None

@@ -1,8 +1,8 @@
-"""What it brings and costs to ask queries in several views, adapted to the queries before, or under gains.
+"""Recall and cost of queries presented in several views, with adaptation, or under gains.
 
-Each view is a presentation. Where the network adapts, the host multiplies weights and rates of each query once, and
-before each presentation a register of every excitatory neuron is written. Gains stay with the host, which multiplies
-activity by them; a season that was applied is in the weights, and takes nothing of a query.
+Each view is a presentation. With adaptation, the host multiplies weights and rates once per query and writes a register
+of every excitatory neuron before each presentation. Gains stay on the host, which multiplies activity by them. A season
+that was applied is part of the weights and costs nothing per query.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from lava_vpr.season.file import unlearned
 from lava_vpr.season.table import GainTable
 
 TIMED = 20
-"""Queries whose biases and gains are timed, at most."""
+"""Most queries whose biases and gains are timed."""
 WORD_BYTES = 4
-"""Bytes that are sent for a register."""
+"""Bytes sent to a board for one register."""
 
 
 def asked(
@@ -52,16 +52,16 @@ def asked(
     plans: Mapping[str, Plan | str],
     most: int,
 ) -> QueryVariants:
-    """Recall and costs of ``queries`` that are asked as ``asking`` says.
+    """Recall and costs of ``queries`` presented as ``asking`` says.
 
     Args:
         queries: The queries, and the model that is asked.
-        further: They in the further views (`Asking.of`).
-        shown: Their presentations, asked so.
+        further: The same queries in the further views (`Asking.of`).
+        shown: Their presentations in all views.
         truth: bool (queries, places).
-        asking: How they are asked, checked.
-        plans: Where the network stands on each board, or why it cannot.
-        most: Presentations whose every spike is counted, at most.
+        asking: Views, adaptation and gains, checked.
+        plans: The network's plan for each board, or why it does not fit.
+        most: Most presentations of which every spike is counted.
     Raises:
         LavaVprError: recall cannot be computed.
     """
@@ -93,7 +93,7 @@ def asked(
 
 
 def gains_presented(table: GainTable, queries: int, views: int) -> GainsCost:
-    """What gains take where the host multiplies by those of ``table``, of its first ``queries``, at least one."""
+    """The cost of gains where the host multiplies by those of ``table``, for its first ``queries``, at least one."""
     epoch, neurons = table.epoch[:queries], table.bias.shape[1]
     lessened = np.count_nonzero(table.gains < FULL, axis=1)[epoch]
     multiplied = np.where(lessened > 0, table.gains.shape[1], 0)  # all are, or none
@@ -109,13 +109,14 @@ def gains_presented(table: GainTable, queries: int, views: int) -> GainsCost:
 
 
 def gains_in_weights(gains: NDArray[np.uint8], model: IntegerModel) -> GainsCost:
-    """What ``gains`` take that the weights of ``model`` were quantised under."""
+    """The cost of ``gains`` that are contained in the weights of ``model``."""
     lessened, weights = float(np.count_nonzero(gains < FULL)), model.network.weights.size
     return GainsCost(lessened, weights=weights, weight_bytes=-(-weights * model.network.stored_bits // 8))
 
 
 def _median(ask: Callable[[slice], object], n: int) -> float | None:
-    """The median time of ``ask`` on this machine, one of the first of ``n`` queries at a time; None: there is none."""
+    """The median time of ``ask`` on this machine, called with one of the first ``n`` queries at a time; None without
+    queries."""
     taken = []
     for i in range(min(TIMED, n)):
         began = time.perf_counter()
@@ -125,12 +126,12 @@ def _median(ask: Callable[[slice], object], n: int) -> float | None:
 
 
 def _bias(adaptation: Adaptation, plain: Presentations, query: slice) -> object:
-    """The biases of a query that is adapted."""
+    """Compute the biases of a query with adaptation."""
     return adaptation.biases(plain.rates[query])
 
 
 def _learner(model: IntegerModel, table: GainTable) -> Learner:
-    """Who makes biases and rates under the last gains of ``table``, as in a drive that learns."""
+    """What computes biases and rates under the last gains of ``table``, as in a drive that learns."""
     return Learner(model, replace(unlearned(model), gains=table.gains[-1]), LifNetwork.adapt)
 
 
@@ -140,7 +141,7 @@ def _gained(learner: Learner, queries: QuerySet, query: slice) -> object:
 
 
 def _some(shown: Presentations, n: int, views: int, most: int) -> Presentations:
-    """At most ``most`` presentations, or those of one query: all views of queries, of ``n``, that are evenly spread."""
+    """At most ``most`` presentations, but at least one query's: all views of queries spread evenly over ``n``."""
     some = np.unique(np.linspace(0, max(0, n - 1), min(n, max(1, most // views))).round().astype(np.int64))
     chosen = np.concatenate([some + view * n for view in range(views)])
     return shown.part(chosen)
@@ -149,7 +150,7 @@ def _some(shown: Presentations, n: int, views: int, most: int) -> Presentations:
 def _boards(
     plans: Mapping[str, Plan | str], network: FixedNetwork, asking: Asking, queries: QuerySet, shown: Presentations
 ) -> dict[str, AskedOn]:
-    """What a query takes on each board that the network fits, by the board's name."""
+    """The cost of a query on each board that the network fits, by the board's name."""
     rows, trains = {}, HostBackend(Pool(cores())).trains(queries.model, shown)
     for name, plan in plans.items():
         if isinstance(plan, str):

@@ -1,7 +1,7 @@
-"""Power and time on a board as the vendor's profiler measures them; idle power subtracted, never modelled.
+"""Power and time on a board, measured by the vendor's profiler with idle power subtracted; nothing here is modelled.
 
-The board's host program drives it (its option ``--power``). One run must be long: short ones have shown
-negative power.
+The board's host program runs the profiler (option ``--power``). A run must be long: short ones have shown negative
+power.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from lava_vpr.storage.reading import parse_json, read_bytes
 from lava_vpr.storage.writing import temporary_folder
 
 STEPS = 100_000
-"""Least steps of a run; queries are repeated. Source: public measurements of idle power of Loihi and
+"""Fewest steps of a run; queries are repeated to reach them. Source: public measurements of idle power of Loihi and
 Loihi 2 run as many steps (lava-dl's tiny_yolo_sdnn benchmark; users' scripts for NxSDK)."""
 
 TIMEOUT = 2 * 3600.0
@@ -28,14 +28,14 @@ FIGURES = ("steps", "microseconds_per_step", "milliwatts", "idle_milliwatts", "d
 
 
 def measure(model: Model, shown: Presentations, backend: str) -> Measured:
-    """Run queries on the board for `STEPS` steps and take over what its profiler tells.
+    """Run queries on the board for at least `STEPS` steps and return what its profiler reports.
 
     Args:
         model: With an integer network, or a bundle for this board.
         shown: The queries.
         backend: Name of the board.
     Raises:
-        LavaRunError: the board's program failed, or could measure no power; its own words.
+        LavaRunError: the board's program failed, or could measure no power; the text is the program's own.
         NetworkLimitError: the model does not fit the board.
     """
     network = checked_network(model, backend)

@@ -1,4 +1,4 @@
-"""What `bench.measure.timing` lets a fresh process do: answer queries, tell how long that took and what it held."""
+"""The work of the fresh processes of `bench.measure.timing`: answer queries, and report times and peak memory."""
 
 from __future__ import annotations
 

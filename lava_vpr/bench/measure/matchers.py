@@ -1,9 +1,9 @@
-"""Matchers on the processor: how long each takes for a query by itself, and all of them beside each other.
+"""Speed of matchers on the processor: each with single queries, and all of them in turns.
 
-By itself: single queries, one after another, on one thread, as a robot asks them; a batch takes less of each. Beside
-each other: the same places and queries, one run, taking turns; queries per second count from preprocessed input to
-match, all queries in one batch shared among threads. Each has a fast form of its own: SAD in 8-bit integers, cosine as
-a float32 matrix product. More matchers can join the same rounds (`run_peers`, ``others``): `make peers` adds others.
+Single queries run one after another on one thread, as a robot sends them; in a batch each takes less time. In turns,
+all matchers answer the same places and queries in one run; queries per second count from preprocessed input to match,
+all queries in one batch shared among threads. Each matcher has its own fast form: SAD in 8-bit integers, cosine as a
+float32 matrix product. More matchers can join the same rounds (`run_peers`, ``others``): `make peers` adds others.
 """
 
 from __future__ import annotations
@@ -40,11 +40,12 @@ PartAnswer = Callable[[slice], Places]
 """A function from a part of the queries to their places."""
 
 BATCH = 2048
-"""Queries are repeated until a batch has as many: starting threads for a hundred would be timed instead of them."""
+"""Fewest queries of a batch; queries are repeated to reach it. With a hundred, the start of the threads would dominate
+the time."""
 FILL = 0.3
-"""Seconds that a round takes at least; batches are repeated for it."""
+"""Shortest round in seconds; batches are repeated to reach it."""
 SINGLES, SECONDS = 1000, 1.0
-"""Queries that are timed by themselves, at most, and how long at most."""
+"""Most single queries that are timed, and the longest time for them in seconds."""
 
 WHAT = {
     "lava-vpr": "this model on the host engine: input spikes drawn, network run, spikes decoded; sees the input rates",
@@ -60,12 +61,12 @@ WHAT = {
 
 @dataclass(frozen=True)
 class TimedMatcher:
-    """A matcher whose speed is taken.
+    """A matcher to be timed.
 
     Attributes:
         name: Its name, as in `Peer`.
         what: The matcher in words, as in `Peer`.
-        bytes: The bytes that it keeps of the references.
+        bytes: Bytes that it stores of the references.
         answer: A function from a part of the queries, repeated `repeats` times, to their places.
         metrics: Its recall.
     """
@@ -78,13 +79,14 @@ class TimedMatcher:
 
 
 def repeats(queries: Sized) -> int:
-    """The number of times that ``queries`` are repeated for a batch of at least `BATCH`."""
+    """How often ``queries`` are repeated for a batch of at least `BATCH`."""
     return max(1, -(-BATCH // len(queries)))
 
 
 @compiled(nogil=True)
 def _sad(references: NDArray[np.uint8], queries: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """Sums of absolute differences, below 0, so that the nearest has the most: (queries, references) of uint8 rows."""
+    """Negative sums of absolute differences, so that the nearest reference scores highest: (queries, references) of
+    uint8 rows."""
     out = np.empty((queries.shape[0], references.shape[0]), np.int32)
     for q in range(queries.shape[0]):
         for r in range(references.shape[0]):
@@ -97,7 +99,7 @@ def _sad(references: NDArray[np.uint8], queries: NDArray[np.uint8]) -> NDArray[n
 
 @contextlib.contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Matrix products of this process keep to one thread, where that can be set; queries are shared by `share`."""
+    """Limit matrix products of this process to one thread, where that can be set; `share` distributes the queries."""
     try:
         pools = importlib.import_module("threadpoolctl")  # comes with scikit-learn, which Lava needs
     except ImportError:
@@ -108,7 +110,8 @@ def one_blas_thread() -> Iterator[None]:
 
 
 def _grouped(labels: NDArray[np.int64], places: int) -> tuple[NDArray[np.int64], NDArray[np.int64] | None]:
-    """Order that brings each place's references together, and where each begins; None: one each, in order."""
+    """The order that brings each place's references together, and where each place begins; None: one reference per
+    place, in order."""
     if np.array_equal(labels, np.arange(places)):
         return labels, None
     order = np.argsort(labels, kind="stable")
@@ -122,7 +125,7 @@ def _unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _nearest(model: Model, references: NDArray[Any], queries: NDArray[Any], by_sad: bool) -> tuple[PartAnswer, int]:
-    """Nearest place of ``queries`` to the model's ``references``, and bytes kept.
+    """A function to the nearest place among the model's ``references``, and the bytes stored for it.
 
     By SAD, both uint8 (images, h, w), or by cosine, both (images, n).
     """
@@ -148,7 +151,8 @@ def _kept(model: Model) -> int:
 
 
 def answer_of(queries: QuerySet, name: str, times: int = 1) -> tuple[PartAnswer, int]:
-    """How ``lava-vpr``, this model, or a baseline answers ``queries``, repeated ``times`` times, and bytes kept.
+    """The function by which ``lava-vpr`` (this model) or a baseline answers ``queries``, repeated ``times`` times, and
+    the bytes stored.
 
     Raises:
         ConfigError: the model cannot be compared with this baseline.
@@ -165,7 +169,7 @@ def answer_of(queries: QuerySet, name: str, times: int = 1) -> tuple[PartAnswer,
 
 
 def alone(queries: QuerySet, name: str) -> float:
-    """Median time in ms of a query by itself, answered as `answer_of` says."""
+    """Median time in ms of single queries, answered as in `answer_of`."""
     first = slice(SINGLES)
     some = QuerySet(queries.model, queries.images.take(first), queries.shown.part(first))
     answer, _ = answer_of(some, name)
@@ -173,7 +177,7 @@ def alone(queries: QuerySet, name: str) -> float:
 
 
 def _median(answer: Callable[[int], object], queries: int) -> float:
-    """The median time of a query in ms; ``answer`` takes its number."""
+    """The median time in ms of a query; ``answer`` is called with its number."""
 
     def of_one(chosen: NDArray[np.int64]) -> Places:
         answer(int(chosen[0]))
@@ -187,8 +191,8 @@ def _median(answer: Callable[[int], object], queries: int) -> float:
 def beside_board(queries: QuerySet) -> float:
     """Median time in ms of the host's own work for a query that a board answers, encoding and traffic apart.
 
-    Input spikes are drawn, or settings of inputs worked out, and spike counts are decoded. Where neurons hear the cells
-    of a front end, they are decoded alone.
+    The host draws input spikes, or computes the settings of inputs, and decodes spike counts. Where neurons hear the
+    cells of a front end directly, it only decodes.
 
     Raises:
         ConfigError: the model has no integer network.
@@ -206,7 +210,7 @@ def beside_board(queries: QuerySet) -> float:
 
 
 def _draw(network: FixedNetwork, rates: NDArray[np.uint16], key: np.uint64) -> None:
-    """Draw what the host sends of a presentation: input spikes, or settings of the inputs that integrate a bias."""
+    """Compute what the host sends for a presentation: input spikes, or settings of the inputs that integrate a bias."""
     if network.bias_input:
         biases(rates)
         start_membranes(int(key), len(rates))
@@ -229,7 +233,8 @@ def _round(matcher: TimedMatcher, queries: int, repeats: int, threads: int) -> f
 
 
 def _rates(matchers: Sequence[TimedMatcher], queries: int, threads: int, rounds: int, fill: float) -> list[float]:
-    """Queries per second of each, the fastest of ``rounds``; they take turns, since other programs may run, too."""
+    """Queries per second of each matcher, the fastest of ``rounds``; matchers take turns, because other programs may
+    run meanwhile."""
     repeats = []
     for matcher in matchers:
         matcher.answer(slice(0, 2))  # what is compiled at the first use is not timed
@@ -257,8 +262,8 @@ def run_peers(
         queries: Queries to a trained model, at least one.
         known: Recall of the model and all its baselines on these queries.
         threads: Threads that share the queries; None: one for each processor.
-        rounds: The fastest counts.
-        fill: Seconds that a round takes at least.
+        rounds: Number of rounds; the fastest counts.
+        fill: Shortest round in seconds.
         others: More matchers, which take turns with these.
     Returns:
         lava-vpr first, ``others`` last.

@@ -1,9 +1,9 @@
-"""Energy of the processor as its own counters tell (RAPL), on Linux for Intel and AMD alike.
+"""Energy of the processor, read from its RAPL counters on Linux, for Intel and AMD.
 
-``/sys/class/powercap`` has a folder for each counter: ``name``, ``energy_uj`` that counts up, and where it starts again
-from 0, ``max_energy_range_uj``. Packages are the top ones, ``intel-rapl:0`` and so on; what they contain (cores, memory
-controllers) is counted in them. Memory chips (``dram``) are not, and are added. Source: Linux kernel documentation,
-``Documentation/power/powercap/powercap.rst``.
+``/sys/class/powercap`` has a folder for each counter with its ``name``, its increasing value ``energy_uj``, and
+``max_energy_range_uj``, at which it wraps to 0. Packages are at the top, ``intel-rapl:0`` and so on; their values
+include cores and memory controllers, but not memory chips (``dram``), which are added. Source: Linux kernel
+documentation, ``Documentation/power/powercap/powercap.rst``.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from lava_vpr.errors import brief
 
 ROOT = Path("/sys/class/powercap")
 PERIOD = 0.05
-"""Seconds between two readings. A package at 250 W takes over 15 minutes to wrap 2^18 J, so none is missed."""
+"""Seconds between two readings. A package at 250 W needs over 15 minutes to wrap at 2^18 J, so no wrap is missed."""
 
 _PACKAGE = re.compile(r"intel-rapl:\d+")
 _PART = re.compile(r"intel-rapl:\d+:\d+")
 
 
 class NoRaplError(Exception):
-    """There are no counters to read; the message says why."""
+    """Raised where no counter can be read; the message says why."""
 
 
 @dataclass(frozen=True)
 class EnergyCounter:
-    """One counter: its folder, name, and the microjoules after which it is 0 again."""
+    """One counter: its folder, its name, and the microjoules at which it wraps to 0."""
 
     folder: Path
     name: str
@@ -66,7 +66,7 @@ def _number(path: Path) -> int:
 
 
 def counters(root: Path = ROOT) -> tuple[EnergyCounter, ...]:
-    """The packages, and the memory chips where they are counted apart.
+    """The counters of packages, and those of memory chips where they are separate.
 
     Raises:
         NoRaplError: there are none, or they may not be read.
@@ -91,7 +91,7 @@ def counters(root: Path = ROOT) -> tuple[EnergyCounter, ...]:
 
 
 def joules(counters: Sequence[EnergyCounter], before: Sequence[int], after: Sequence[int]) -> float:
-    """Energy between two readings, of which the later may have started again from 0 once."""
+    """Energy between two readings, between which the counter may have wrapped once."""
     total = 0
     for counter, first, last in zip(counters, before, after, strict=True):
         total += last - first if last >= first else last - first + counter.span
@@ -99,7 +99,7 @@ def joules(counters: Sequence[EnergyCounter], before: Sequence[int], after: Sequ
 
 
 class Meter:
-    """Reads the counters all the time while it is open, so that what other processes did can be looked up later.
+    """Samples the counters while it is open, so that the energy of other processes' work can be looked up afterwards.
 
     ``with Meter() as meter: ...; meter.joules(began, ended)``, in seconds of `time.monotonic`, which on Linux is the
     same clock in every process.
@@ -119,7 +119,7 @@ class Meter:
 
     @property
     def sources(self) -> str:
-        """The names of what is counted, for people."""
+        """The names of the counters, for people."""
         return ", ".join(counter.name for counter in self._counters)
 
     def __enter__(self) -> Meter:
@@ -135,7 +135,7 @@ class Meter:
             self._thread.join()
 
     def _sample(self) -> None:
-        """Read until the end, and once more then."""
+        """Sample until the meter closes, and once more then."""
         before: list[int] | None = None
         total, over = 0.0, False
         while True:
@@ -153,9 +153,9 @@ class Meter:
             over = self._end.wait(self._period)
 
     def joules(self, began: float, ended: float) -> float | None:
-        """Energy of all counters between two moments; None, with a `reason`, if it is not known.
+        """Energy of all counters between two moments; None, with a `reason`, if it is unknown.
 
-        To be asked after the meter is closed.
+        Call it after the meter is closed.
         """
         if self.reason or len(self._at) < 2:
             self.reason = self.reason or "the counters were read for too short a time"
@@ -168,7 +168,7 @@ class Meter:
 
 
 def idle_watts(seconds: float = 1.0, root: Path = ROOT) -> float | None:
-    """Power while this program does nothing (others may); None: not known. To be reported, not subtracted."""
+    """Power while this program idles (others may run); None: unknown. It is reported, never subtracted."""
     with Meter(root) as meter:
         began = time.monotonic()
         if not meter.reason:

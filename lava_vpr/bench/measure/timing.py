@@ -1,7 +1,8 @@
-"""How long queries take on each backend, in what memory, and for what energy; measured on this machine, never modelled.
+"""Time, memory and energy of queries on each backend, measured on this machine; nothing here is modelled.
 
-A single query is timed from its input rates to its matched place: spikes drawn, network run, counts decoded; batch 1,
-one thread. What a program does once, when it starts, is not in it. Throughput is all queries in one batch.
+A single query is timed from its input rates to its matched place (spikes drawn, network run, counts decoded), in
+batches of 1 on one thread, without what a program does once at its start. Throughput is that of all queries in one
+batch.
 """
 
 from __future__ import annotations
@@ -57,11 +58,11 @@ def measure(
     Args:
         queries: Queries to a trained model.
         backend: Name in `lava_vpr.backends.registry.BACKENDS`.
-        limit: Most queries to use; None: as the backend's row says.
+        limit: Most queries to use; None: the limit of the backend's row.
         rounds: How often the whole batch is answered; the fastest counts.
         rapl_root: Folder of the processor's energy counters.
     Returns:
-        The figures; ``absent`` says why there are none. Nothing is raised for what this machine lacks.
+        The figures; ``absent`` says why there are none. A backend that this machine lacks raises no error.
     """
     row = BACKENDS[backend]
     model, shown = queries.model, queries.shown.part(slice(0, limit if limit is not None else row.limit))
@@ -86,14 +87,14 @@ def measure(
 def _with_energy(
     made: Measured, meter: rapl.Meter, spans: NDArray[np.float64], presentations: float, watts: float | None
 ) -> Measured:
-    """``made`` with the energy of a presentation and what was counted for it, or why there is none.
+    """``made`` with the energy of a presentation and the counters that gave it, or the reason why there is none.
 
     Args:
         made: All other figures.
-        meter: What read the counters all the while.
+        meter: The meter that was open during the runs.
         spans: Begin and end of each run, in seconds.
         presentations: Presentations in all runs.
-        watts: The idle power; None: not known.
+        watts: The idle power; None: unknown.
     """
     parts = [meter.joules(float(began), float(ended)) for began, ended in spans]
     spent = [part for part in parts if part is not None]
@@ -106,7 +107,8 @@ def _with_energy(
 
 @contextlib.contextmanager
 def _one_blas_thread() -> Iterator[None]:
-    """Processes started now keep their matrix products to one thread; ours shares queries among threads itself."""
+    """Limit matrix products to one thread in processes that are started meanwhile; these share queries among threads
+    themselves."""
     before = {name: os.environ.get(name) for name in _BLAS}
     os.environ.update(dict.fromkeys(_BLAS, "1"))
     try:
@@ -121,7 +123,7 @@ def _one_blas_thread() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _on_disk(model: Model, backend: str) -> Iterator[Path]:
-    """Where a fresh process finds the model, or its bundle."""
+    """The path at which a fresh process finds the model or its bundle."""
     if backend == "bundle":
         with deployed.bundle_of(model) as bundle:
             yield bundle.path
@@ -160,7 +162,8 @@ def _compiled(model: Model, shown: Presentations, made: Measured, rounds: int, r
 
 
 def _lava(model: Model, shown: Presentations, made: Measured, least: int, rapl_root: Path) -> Measured:
-    """The figures of Lava, timed with a run for each query and with many a run; compiling and starting are apart."""
+    """The figures of Lava, timed with one query per run and with many queries per run, without compiling and
+    starting."""
     backend = backends.get(made.name)
     backend = backend.alone if isinstance(backend, FromPixels) else backend
     if not isinstance(backend, LavaBackend):
@@ -200,14 +203,14 @@ def _lava(model: Model, shown: Presentations, made: Measured, least: int, rapl_r
 
 
 def each_image(traverse: Traverse, work: Callable[[NDArray[Any]], object], limit: int = 200) -> list[float]:
-    """Milliseconds in which each of at most ``limit`` images is read from its file, and ``work`` done with it.
+    """Milliseconds for each of at most ``limit`` images to be read from its file and processed by ``work``.
 
     Raises:
         InputError: an image cannot be read.
     """
     taken = []
     for image in traverse.take([0]).images():
-        work(image)  # compiled now
+        work(image)  # compile before timing
     images = traverse.take(range(min(limit, len(traverse)))).images()
     began = time.perf_counter()
     for image in images:
@@ -221,7 +224,7 @@ def each_image(traverse: Traverse, work: Callable[[NDArray[Any]], object], limit
 def measure_encoding(
     traverse: Traverse, config: Config, limit: int = 200, standard: Standard | None = None
 ) -> Measured:
-    """The figures of the stage before: an image file read, or a vector taken, and turned into input rates, one by one.
+    """The figures of the encoding: each image file, or vector, read and turned into input rates, one by one.
 
     Raises:
         InputError: an image cannot be read.
@@ -238,7 +241,7 @@ def measure_encoding(
 
 
 def measure_localizer(traverse: Traverse, model: Model, seed: int | None = None, limit: int = 200) -> Measured:
-    """The figures of the public path: an image file read, and `Localizer.update` of it, one after another.
+    """The figures of the public path: each image file read and passed to `Localizer.update`, one by one.
 
     Raises:
         InputError: an image cannot be read.
@@ -249,7 +252,7 @@ def measure_localizer(traverse: Traverse, model: Model, seed: int | None = None,
 
 
 def _stage(name: str, does: str, taken: Sequence[float]) -> Measured:
-    """The figures of a stage that took so many milliseconds for each image."""
+    """The figures of a stage from its milliseconds for each image."""
     return Measured(
         name,
         does,

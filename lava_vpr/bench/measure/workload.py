@@ -1,20 +1,19 @@
-"""What a network is and does, by NeuroBench's definitions, counted on the spikes of a run.
+"""NeuroBench's metrics of a network, counted from the spikes of a run.
 
 Definitions: Yik et al., "The NeuroBench framework for benchmarking neuromorphic computing algorithms and systems",
 Nature Communications 16:1545 (2025), and where the text leaves it open, the package neurobench 2.3.0
 (`benchmarks.neurobench.metrics` compares every figure with it). For this network that means:
 
 * **Layers** are the synapses inputs -> exc (inputs x neurons), exc -> inh (one for each neuron), leaves -> root (one
-  for each leaf) and root -> exc (one for each neuron), and the neurons exc and inh. Inputs that integrate a bias are
-  neurons, too; so are relays, with one synapse for each injected input. Injected inputs themselves are data.
-* **Footprint**: bytes of all weights, one each as they are stored, and of all biases, if there are any, and membranes
-  (int32). Zeros take room. **Parameters** are these weights and biases.
-* **Connection sparsity**: zeros among the weights of all synapses. **Activation sparsity**: one minus spikes per neuron
-  and step, over all neurons and steps.
-* **Synaptic operations**: every spike, input or not, times its weights that are not 0. All inputs of synapses are 0 or
-  1, so that these are accumulates; multiply-accumulates there are none. **Dense**: all weights in every step.
-* **Membrane updates**: all neurons in the first step, later those whose membrane a step leaves with another value. A
-  neuron of inh, or a relay, that spikes and is reset within one step is none.
+for each leaf) and root -> exc (one for each neuron), and the neurons exc and inh. Inputs that integrate a bias are
+neurons, too; so are relays, with one synapse for each injected input. Injected inputs themselves are data. *
+**Footprint**: bytes of all weights as stored, of the biases, if any, and of the membranes (int32). Zeros count.
+**Parameters** are these weights and biases. * **Connection sparsity**: zeros among the weights of all synapses.
+**Activation sparsity**: one minus spikes per neuron and step, over all neurons and steps. * **Synaptic operations**:
+every spike, input or not, times its weights that are not 0. Inputs of synapses are 0 or 1, so all of these are
+accumulates, none multiply-accumulates. **Dense**: all weights in every step. * **Membrane updates**: all neurons in the
+first step, later those whose membrane changes in a step. A neuron of inh, or a relay, that spikes and is reset within
+one step does not count.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from lava_vpr.engine.presentations import Trains
 from lava_vpr.model import checked_network
 
 QUERIES = 100
-"""Most that are counted; every spike of them is kept meanwhile."""
+"""Most queries that are counted; all of their spikes are kept in memory."""
 
 INT32_BYTES = 4
 
@@ -41,7 +40,7 @@ def workload(queries: QuerySet, trains: Trains | None = None, limit: int = QUERI
 
     Args:
         queries: Queries to a model with an integer network, at least one.
-        trains: Every spike of at least these queries, if it is known; None: worked out.
+        trains: Every spike of at least these queries; None: computed here.
         limit: Most queries.
     Raises:
         ConfigError: the model has no integer network.
@@ -92,7 +91,8 @@ def of_trains(network: FixedNetwork, trains: Trains, rates: NDArray[np.uint16], 
 
 
 def membrane_updates(network: FixedNetwork, inputs: NDArray[np.uint8], inh: NDArray[np.uint8]) -> int:
-    """Updates of exc, inh and relays; see the definition above. The last two's membranes are 0 between steps.
+    """Membrane updates of exc, inh and relays; see the definition above. Membranes of inh and relays are 0 between
+    steps.
 
     Args:
         network: Any.

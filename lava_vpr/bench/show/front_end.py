@@ -1,4 +1,5 @@
-"""Tables of what the spiking front end costs: events and energy of each population, and what an image takes besides."""
+"""Tables of the cost of the spiking front end: events and energy of each population; time, registers and packets of an
+image."""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ def cells(costs: FrontEndCosts) -> list[tuple[str, ...]]:
 
 
 def tables(costs: FrontEndCosts) -> tuple[Table, ...]:
-    """Both tables of a board; of one without public constants the first alone."""
+    """Both tables of a board; only the first if its constants are not public."""
     title = BOARDS[costs.board].title
     named = "pixels to places" if "exc" in costs.layers else "spiking front end"
     layers = Table(
@@ -45,7 +46,7 @@ def tables(costs: FrontEndCosts) -> tuple[Table, ...]:
 
 
 def _besides(costs: FrontEndCosts, title: str) -> Table:
-    """What an image takes in time, registers and packets."""
+    """Time, registers and packets of an image."""
     rows = [
         (what if what == EVENTS else f"registers: {what}", NONE, count(number), NONE)
         for what, number in costs.registers.items()

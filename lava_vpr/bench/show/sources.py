@@ -1,4 +1,4 @@
-"""What the figures of `lava-vpr bench` rest on: what was timed, the constants of the cost model, published results."""
+"""Sources of the figures of `lava-vpr bench`: what was timed, the constants of the cost model, published results."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lava_vpr.show.table import Table
 
 
 def timed(rows: Sequence[Measured]) -> Table:
-    """What was timed of each backend, in words."""
+    """Descriptions of what was timed for each backend."""
     cells = tuple((backend.name, backend.what) for backend in rows if not backend.absent and backend.what)
     return Table(("backend", "from what to what"), cells, title="what was timed", long=frozenset({1}))
 

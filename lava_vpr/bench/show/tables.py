@@ -1,6 +1,6 @@
 """Every table of `lava-vpr bench`, once, as plain text cells: terminal and page only render them (`terminal`: shorter).
 
-Whatever the cost model says stands in a row or column whose heading says "modelled".
+Every figure of the cost model is in a row or column whose heading contains "modelled".
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def figures_of(metrics: Metrics | None) -> tuple[str, ...]:
 
 
 def recall(bench: Bench) -> Table:
-    """What the answers are worth, before what they cost."""
+    """Recall of the queries, also with views, adaptation or gains."""
     model, decoder = bench.model, str(bench.model.get("decoder", "default"))
     rows = [(decoder, *figures_of(bench.recall))]
     if bench.asked is not None:
@@ -84,7 +84,7 @@ def recall(bench: Bench) -> Table:
 
 
 def thresholds(bench: Bench) -> Table:
-    """What each target precision accepts; no row where there are no probabilities."""
+    """The matches that each target precision accepts; no rows without probabilities."""
     rows = tuple(
         (percent(row.target), figure(row.probability), *map(percent, (row.accepted, row.precision, row.kept)))
         for found in bench.trust.values()
@@ -99,7 +99,7 @@ def thresholds(bench: Bench) -> Table:
 
 
 def asked(row: QueryVariants) -> Table:
-    """What a query takes that is asked in several views, adapted, or under gains."""
+    """Cost of a query in several views, with adaptation, or under gains."""
     cells: list[tuple[str, ...]] = []
     for name, board in row.boards.items():
         title = title_of(name)
@@ -120,7 +120,7 @@ def asked(row: QueryVariants) -> Table:
 
 
 def gains(row: GainsCost, queries: int) -> Table:
-    """What it takes that inputs have gains, and how often."""
+    """Cost of gains of inputs: work of the host, registers and weights."""
     query, once = "a query", "when the season in them changes"
     cells = [("inputs with a gain below 15", figure(row.lessened), "mean of the queries")]
     if row.weights:
@@ -181,12 +181,13 @@ def estimated(name: str, value: Estimate | None) -> tuple[str, ...]:
 
 
 def _exactly(name: str, value: str) -> tuple[str, ...]:
-    """A row of what is known exactly, below the nominal figures."""
+    """A row of one exact figure, in the column of nominal ones."""
     return (name, NONE, value, NONE)
 
 
 def _clearing(clearing: dict[str, Any]) -> Iterable[tuple[str, ...]]:
-    """The row on how states are cleared, contained in the figures above, and what steps of rest would take instead."""
+    """The row on the clearing of states, whose cost is part of the figures above, and on the steps of rest that could
+    replace it."""
     for key, text in (
         ("writes_per_query", "clearing of states: writes"),
         ("microjoules", "  contained above, uJ"),
@@ -246,7 +247,7 @@ def cores_in_use(costs: Modelled) -> str:
 
 
 def _busy(shares: dict[str, float]) -> str:
-    """What the board waits for in how many steps."""
+    """The share of steps in which the board waits for messages, and for neurons."""
     arriving = percent(shares["receive"])
     return f" In {arriving} % of the steps the board waits for what arrives at a core, else for a core's neurons."
 
@@ -282,7 +283,8 @@ def peers(rows: Sequence[Peer]) -> Table:
 
 
 def sweep(rows: Sequence[SweepPoint], ways: Sequence[AnsweringWay] = ()) -> Table:
-    """The front of the sweep, dearest first, and what was chosen; the host's part is that of the board in ``ways``."""
+    """The front of the sweep, the most expensive point first, and the chosen points; the host's part is that of the
+    board in ``ways``."""
     host = next((way for way in ways if way.dynamic is not None), None)
     beside = (math.nan, math.nan) if host is None else (host.encoding.nominal + host.work.nominal, host.work.nominal)
     shown = sorted(
@@ -346,7 +348,7 @@ def workload(metrics: Workload) -> Table:
 
 
 def heading(name: str) -> str:
-    """How a column calls the way ``name``, which may be adapted."""
+    """The heading of a column for the way ``name``, adapted or not."""
     way, comma, adapted = name.partition(", ")
     return _WAYS.get(way, title_of(way).partition(" (")[0]) + comma + adapted
 
@@ -354,7 +356,7 @@ def heading(name: str) -> str:
 def energy(
     ways: Sequence[AnsweringWay], titles: Sequence[str] | None = None, pixels: tuple[int, int] | None = None
 ) -> Table:
-    """All the energy of a query, a column for each way; without ways it has no rows, without a board none of boards.
+    """All the energy of a query, a column for each way; no rows without ways, no rows of boards without a board.
 
     Args:
         ways: Every way to answer a query.
@@ -377,7 +379,7 @@ def energy(
 
 
 def asked_for(bench: Bench) -> list[Table]:
-    """Tables of what not every run has: other ways to ask a query, gains, a spiking front end."""
+    """Tables of optional parts of a run: views and adaptation, gains, a spiking front end."""
     found = [] if bench.asked is None else [asked(bench.asked)]
     found += [] if bench.gains is None else [gains(bench.gains, bench.images)]
     return found + [table for costs in bench.front_end.values() for table in front_end.tables(costs)]

@@ -1,4 +1,4 @@
-"""What the terminal shows of `lava-vpr bench`: the figures that decide, without their parts."""
+"""The terminal's tables of `lava-vpr bench`: the main figures, without their parts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from lava_vpr.show.table import Table
 
 
 def energy(ways: Sequence[AnsweringWay]) -> Table:
-    """All the energy of a query by each way to answer it, a row a way."""
+    """All the energy of a query, a row for each way to answer it."""
     rows = []
     for way in ways:
         board = "" if way.dynamic is None else ", partly modelled"
@@ -50,8 +50,8 @@ def modelled(costs: Modelled, figures: BoardFigures) -> Table:
 
 
 def on_terminal(bench: Bench) -> list[Table | str]:
-    """Tables in order: recall first, the energy of a query, what was measured, what is modelled, what an option asked
-    for; then lines for what is lacking, and where the details are."""
+    """Tables in order: recall first, the energy of a query, what was measured, what is modelled, tables of options;
+    then lines on missing figures, and where the details are."""
     shown = [recall(bench), energy(bench.energy), timings(bench.measured), on_boards(bench.measured)]
     shown += [modelled(costs, costs.figures) for costs in bench.targets.values() if costs.figures]
     shown += [*asked_for(bench), peers(bench.peers), sweep(bench.sweep, bench.energy)]
