@@ -1,5 +1,5 @@
-"""The boards that a network is deployed to: their limits, how they store and time, and how states come to rest between
-two queries (the contract in `docs/network.md`)."""
+"""The boards for deployment: limits, storage of synapses, times, and the clearing of states between two queries (the
+contract in `docs/network.md`)."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from lava_vpr.rows.registry import Registry
 
 
 def rest_steps(network: FixedNetwork) -> int | None:
-    """Steps without input after which every membrane is 0 by its own decay, whatever it was.
+    """Steps without input after which every membrane has decayed to 0 from any value.
 
-    None: no number of steps does that, as neurons have biases or membranes do not decay.
+    None if no number of steps is enough, because neurons have biases or membranes do not decay.
     """
     if network.bias.any() or network.decay == 0:
         return None
@@ -32,13 +32,13 @@ def rest_steps(network: FixedNetwork) -> int | None:
 
 
 def check_reset(interval: int, setting: str) -> None:
-    """Refuse a presentation after which Loihi 2 cannot clear its neurons: LIFReset's intervals are powers of two.
+    """Refuse a presentation after which Loihi 2 cannot reset its neurons: LIFReset's intervals are powers of two.
 
     Args:
         interval: Steps of a presentation, the silent ones included.
-        setting: The setting that it follows from, for the remedy.
+        setting: The setting that determines it, for the remedy.
     Raises:
-        NetworkLimitError: naming the intervals that it can.
+        NetworkLimitError: naming the possible intervals.
     """
     above = reset_interval(interval)
     if interval != above or interval > LOIHI_2_RESET_LIMIT:
@@ -51,7 +51,7 @@ def check_reset(interval: int, setting: str) -> None:
 
 
 def _always(network: FixedNetwork, bias: int, adapted: bool) -> dict[str, Any]:
-    """What either mechanism says besides its own: with ``adapted``, registers written for biases of a query."""
+    """The fields that both mechanisms share: with ``adapted``, the registers written for biases of a query."""
     return ({"bias_writes_per_query": bias} if adapted else {}) | {
         "rest_steps_instead": rest_steps(network),
         "silent_steps": network.silent_steps,
@@ -60,7 +60,7 @@ def _always(network: FixedNetwork, bias: int, adapted: bool) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class LifReset:
-    """Lava's LIFReset, in the first step of each presentation."""
+    """Lava's LIFReset, which clears states in the first step of each presentation."""
 
     def check(self, network: FixedNetwork) -> None:
         """Refuse a network whose presentations cannot be followed by a reset; see `check_reset`."""
@@ -81,10 +81,10 @@ class LifReset:
 
 @dataclass(frozen=True)
 class EmbeddedWrites:
-    """Writes of the chips' embedded processors, after the last silent step."""
+    """Writes by the chips' embedded processors after the last silent step."""
 
     def check(self, network: FixedNetwork) -> None:
-        """Refuse nothing: a processor writes whenever it is time."""
+        """Accept every network: a processor can write after any step."""
 
     def of(self, network: FixedNetwork, *, adapted: bool = False) -> dict[str, Any]:
         """The mechanism, and what it costs in a query; with ``adapted`` each brings biases, a register a neuron."""
@@ -117,9 +117,9 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Board:
-    """What a board holds, and how; every number of a core unless said.
+    """A board's limits and mechanisms; numbers are per core unless stated otherwise.
 
-    A limit that is not public is `UNLIMITED`: nothing is refused for it (`public`).
+    A limit that is not public is `UNLIMITED`, so that no network is refused for it (`public`).
 
     Attributes:
         name: The name that ``--target`` takes.
@@ -127,18 +127,18 @@ class Board:
         chip: The name of its chips.
         chips: Chips of the board.
         cores: Neuron cores of a chip.
-        mesh: How they stand on a chip; None: not public.
-        input_limit: What one neuron can receive in one step stays below, in weight units.
+        mesh: The arrangement of the cores on a chip; None: not public.
+        input_limit: Exclusive bound of what one neuron can receive in one step, in weight units.
         memory: How synapses are stored.
         compartments, axons_in, axons_out: Limits.
-        profiles, thresholds, formats: Distinct ones that a core can hold.
+        profiles, thresholds, formats: Number of different ones that a core can hold.
         weight_bits: Widths that a stored weight can have.
         host_spikes: Spikes that the host can send to one chip in one step.
-        input_mode: Where input spikes come from unless a user says otherwise; None: as the model says.
+        input_mode: Default source of input spikes; None: the model's.
         counters: Whether each excitatory neuron has a compartment beside it that counts its spikes, and is read once
             a query; else the vendor's library reads spikes out.
-        clearing: How states return to 0 between two queries.
-        constants: Energies and times of its operations; None: none are public.
+        clearing: The mechanism that returns states to 0 between two queries.
+        constants: Energies and times of its operations; None: not public.
     """
 
     name: str
@@ -168,7 +168,7 @@ class Board:
 
     @property
     def known(self) -> str:
-        """What is public of a board whose way of storing synapses is not, and what is not; else empty."""
+        """Public and non-public facts of a board whose way of storing synapses is not public; else empty."""
         return self.memory.described(self.chips * self.cores, self.compartments)
 
     def busy(
@@ -182,10 +182,10 @@ class Board:
         spikes: Number = 0.0,
         messages_out: Number = 0.0,
     ) -> NDArray[np.float64]:
-        """What these events of a step keep a core busy: what plans are compared by, no modelled time.
+        """The measure of a core's work in a step by which plans are compared; it is no modelled time.
 
         Returns:
-            Time of all of them, one after the other, nominal, in ns; where times are not public, their number.
+            Nominal time of these events one after another, in ns; where times are not public, their number.
         """
         arriving = (messages_in, operations_dense, operations_sparse)
         neurons = (accesses, updates, spikes, messages_out)

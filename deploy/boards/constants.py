@@ -1,8 +1,8 @@
 """Every constant of the cost model, by chip: low, nominal and high, with its source.
 
-Two columns are public for Loihi 1: SANA-FE's, fitted to silicon, and Intel's own of 2018. Low is the lower of the two,
-nominal SANA-FE's, high the higher, and only where both speak of the same quantity. What only one column knows is its
-value in all three: then low and high bound nothing.
+Two columns are public for Loihi 1: SANA-FE's, fitted to silicon, and Intel's own of 2018. Where both give the same
+quantity, low is the lower of the two, nominal is SANA-FE's, and high the higher. A quantity that only one column gives
+has the same value at all three levels, which then give no bounds.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ LEVELS: tuple[Level, ...] = ("low", "nominal", "high")
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a model says at its cheapest, its best guess, and at its dearest; in the unit that its holder names."""
+    """The low, nominal and high value of a modelled figure, in the unit that its field names."""
 
     low: float
     nominal: float
@@ -67,13 +67,13 @@ BLOUW = "Blouw et al., NICE 2019, arXiv 1812.01739"
 
 @dataclass(frozen=True)
 class Constant(Estimate):
-    """A constant of the cost model: its value as the two columns have it.
+    """A constant of the cost model with its low, nominal and high value.
 
     Attributes:
         name: A short name, unique among the constants.
         what: The constant in words, for people.
         unit: pJ, ns, us or mW.
-        source: The source in words, with doi; says which bound is whose, and what is an assumption.
+        source: The source in words, with DOI; it names the source of each bound, and assumptions.
     """
 
     name: str
@@ -83,13 +83,13 @@ class Constant(Estimate):
 
 
 def _both(name: str, what: str, unit: str, sana_fe: float, davies: float, note: str = "") -> Constant:
-    """A constant that both columns have."""
+    """A constant that both columns give."""
     source = f"nominal: {SANA_FE}; the other: {DAVIES}{note}"
     return Constant(min(sana_fe, davies), sana_fe, max(sana_fe, davies), name, what, unit, source)
 
 
 def _one(name: str, what: str, unit: str, value: float, source: str = SANA_FE) -> Constant:
-    """A constant that only ``source`` has."""
+    """A constant that only ``source`` gives."""
     return Constant(value, value, value, name, what, unit, source)
 
 
@@ -103,16 +103,17 @@ _MORE_NS = round(loihi.DAVIES_ACTIVE_NS - loihi.DAVIES_INACTIVE_NS, 1)
 class CostConstants:
     """Energy and time of every operation of a board, and the power and traffic around it.
 
-    What a core does in a step takes it nanoseconds by SANA-FE's ``simple`` timing: what arrives, and what its neurons
-    do and send, overlap. A step lasts as long as the longest of either on any core, and the barrier after it.
+    Times of a core in a step follow SANA-FE's ``simple`` timing: the handling of arriving spikes overlaps with the work
+    and messages of its neurons. A step lasts as long as the longer of the two on the busiest core, and the barrier
+    after it.
 
     Attributes:
         synapse_dense, synapse_sparse, access, update, spike, message, hop_east_west, hop_north_south: Energies, pJ.
-        message_in_time, synapse_dense_time, synapse_sparse_time: Times of what arrives on a core, ns.
+        message_in_time, synapse_dense_time, synapse_sparse_time: Times of a core's arriving spikes, ns.
         access_time, update_time, spike_time, message_time: Times of a core's neurons, ns.
-        barrier: The barrier at the end of each step in us, from the number of tiles in use.
+        barrier: The time of the barrier at the end of each step in us, from the number of tiles in use.
         barrier_tiles: The numbers of tiles whose barriers a report lists.
-        step: The least time of a step, us.
+        step: The shortest time of a step, us.
         static, embedded: Power of a chip and of its embedded processors, mW.
         host_message: Time of a message between host and board, us.
         register_time, word_time: Times of an embedded processor's accesses, ns: to a register of a core (read, written,
@@ -144,7 +145,7 @@ class CostConstants:
     word_time: Constant
 
     def listed(self) -> tuple[Constant, ...]:
-        """All constants in the order of the fields, with the barriers of `barrier_tiles`, as a report has them."""
+        """All constants in the order of the fields, with the barriers of `barrier_tiles`, for a report."""
         constants: list[Constant] = []
         for item in fields(self):
             value = getattr(self, item.name)
@@ -191,7 +192,7 @@ _REGISTER, _WORD = loihi.REGISTER_CYCLES, loihi.WORD_CYCLES
 
 
 def _cycles(name: str, what: str, cycles: tuple[int, int, int]) -> Constant:
-    """An access of an embedded processor, which takes so many cycles at its clock."""
+    """The time of an access of an embedded processor, from its number of clock cycles."""
     times = [1e3 * count / clock for count, clock in zip(cycles, loihi.EMBEDDED_MHZ, strict=True)]
     stated = ", ".join(f"{count} at {clock:g} MHz" for count, clock in zip(cycles, loihi.EMBEDDED_MHZ, strict=True))
     return Constant(
@@ -283,7 +284,7 @@ LOIHI_1 = CostConstants(
     ),
     word_time=_cycles("word_time", "word of its own memory that an embedded processor handles", _WORD),
 )
-"""The constants of Loihi 1, and of Kapoho Bay, a board with two of it."""
+"""The constants of Loihi 1 and of Kapoho Bay, a board with two such chips."""
 
 HOST_POWER = Constant(
     *loihi.HOST_MILLIWATTS,
@@ -293,4 +294,4 @@ HOST_POWER = Constant(
     "an assumption, not verified: a robot's computer. Low and nominal: the power modes of 5 and 10 W of NVIDIA's "
     "Jetson Nano (github.com/NVIDIA-AI-IOT/jetbot, wiki, Battery Tips); high: twice that, a laptop's",
 )
-"""Power of the processor that encodes images, serves a board, or matches without one; no board's own."""
+"""Power of the processor that encodes images, serves a board, or matches without one; it belongs to no board."""

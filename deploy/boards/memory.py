@@ -1,4 +1,4 @@
-"""How the cores of a board store synapses: what rows take of a core, and what of that is public."""
+"""Storage of synapses on the cores of a board: the memory that rows need, and which parts of that are public."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from lava_vpr import loihi
 Integers = NDArray[np.int64]
 
 UNLIMITED = 1 << 40
-"""A limit that nothing reaches, for what is not public or does not count."""
+"""A limit that is never reached, for resources whose limit is not public or does not matter."""
 
 
 def row_words(synapses: Integers, bits: int | Integers) -> Integers:
-    """Words of synapse memory of rows (the synapses of one input axon).
+    """Words of synapse memory that rows need; a row holds the synapses of one input axon.
 
     Args:
         synapses: Number of synapses of each row, int64, any shape.
@@ -30,10 +30,10 @@ def row_words(synapses: Integers, bits: int | Integers) -> Integers:
 
 @dataclass(frozen=True)
 class PackedRows:
-    """Rows packed into 64-bit words, each weight with its sign, as public sources show of Loihi 1.
+    """Rows packed into 64-bit words, each weight with its sign, as public sources show for Loihi 1.
 
-    A sparse row has an index beside each weight; a dense one, which nobody has shown on a board, has none and stores
-    every neuron of the core.
+    A sparse row has an index beside each weight; a dense one, which no public source shows on a board, has none and
+    stores a weight for every neuron of the core.
 
     Attributes:
         words: Words of a core.
@@ -44,13 +44,13 @@ class PackedRows:
     index_bits: tuple[int, ...] = loihi.LOIHI_1_INDEX_BITS
 
     public = True
-    """Whether it is public how rows are stored: then what a plan takes is exact, else it is the least."""
+    """Whether the storage of rows is public: then the needs of a plan are exact, else lower bounds."""
     one_sign = False
     """Whether weights that all have the same sign are stored without a bit for it."""
 
     @property
     def capacity(self) -> int:
-        """Words of a core that a plan fills (`loihi.SYNAPSE_SLACK`)."""
+        """Words of a core that a plan may fill (`loihi.SYNAPSE_SLACK`)."""
         return int(self.words * (1 - loihi.SYNAPSE_SLACK))
 
     @property
@@ -74,15 +74,15 @@ class PackedRows:
         return words
 
     def described(self, cores: int, compartments: int) -> str:
-        """Nothing: all that counts is public."""
+        """Empty: everything needed is public."""
         return ""
 
 
 @dataclass(frozen=True)
 class ByteBudget:
-    """A core's bytes for all that it holds, where it is not public how synapses are stored: only weights are counted.
+    """The bytes of a core for all its content, where the storage of synapses is not public: only weights are counted.
 
-    Axons, indices and states are left out, so that a plan is the least that a network takes.
+    Axons, indices and states are left out, so that a plan is a lower bound of a network's needs.
 
     Attributes:
         core_bytes: Bytes of a core.
@@ -111,7 +111,7 @@ class ByteBudget:
         return np.broadcast_to(bits * np.arange(largest + 1), (largest + 1, largest + 1))
 
     def described(self, cores: int, compartments: int) -> str:
-        """What is public of a board with so many cores, and of what is not."""
+        """Public and non-public facts of a board with so many cores."""
         return (
             f"Public: {cores} cores, {compartments:,} neurons and {self.core_bytes:,} bytes a core, "
             f"{self.chip_synapses:,} synapses a chip. Unknown: what axons, indices and states take of these bytes."

@@ -1,4 +1,4 @@
-"""Which neurons stand on which core of a board, and in which format their synapses are stored."""
+"""The assignment of neurons to the cores of a board, and the storage format of their synapses."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_BITS
 PopulationName = Literal["exc", "counters", "inh", "inputs"]
 
 RELAY_WEIGHT, RELAY_THRESHOLD = 2, 1
-"""A spike brings an inhibitory neuron, or an input's relay, 2 << 6, which is above 1 << 6; the chip takes no threshold
-of 0."""
+"""A spike adds 2 << 6 to an inhibitory neuron or an input's relay, above the threshold of 1 << 6; the chip has no
+threshold of 0."""
 
 COUNTER_WEIGHT, COUNTER_THRESHOLD = 2, THRESHOLD_LIMIT - 1
-"""A spike of an excitatory neuron adds 2 << 6 to the membrane of its counter, which keeps it, far below its threshold:
-the longest presentation adds less than a hundredth of that."""
+"""A spike of an excitatory neuron adds 2 << 6 to the membrane of its counter, which keeps it. The longest presentation
+adds less than a hundredth of the counter's threshold."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class PopulationPart:
 
 @dataclass(frozen=True)
 class Needs:
-    """What a core's content takes of its limits; None where the board's way of counting is not public."""
+    """The resources that a core's content needs; None where the board's way of counting is not public."""
 
     compartments: int
     axons_in: int | None
@@ -49,14 +49,14 @@ class Needs:
 
 @dataclass(frozen=True)
 class Load:
-    """What a core is expected to do in one step with input.
+    """The expected load of a core in one step with input.
 
     Attributes:
         messages_in, messages_out: Spikes that arrive and leave.
         operations_dense, operations_sparse: Synaptic operations by the format of their rows.
         updates: Compartments that are accessed and updated.
         spikes: Spikes of its compartments.
-        busy: What these keep the core busy (`Board.busy`): what plans are compared by, no modelled time.
+        busy: The core's work by which plans are compared (`Board.busy`); it is no modelled time.
     """
 
     messages_in: float
@@ -70,16 +70,16 @@ class Load:
 
 @dataclass(frozen=True)
 class CorePlan:
-    """What stands on one core and how its synapses are stored.
+    """The content of one core, and the storage of its synapses.
 
     Attributes:
         chip, core: Number of the chip and of its core, from 0.
-        parts: What stands on it, in the order of its compartments: exc, the counters of these, inh (leaves, then
-            the root), and inputs, which integrate a bias or relay injected spikes.
+        parts: Its neurons, in the order of its compartments: exc, the counters of these, inh (leaves, then the root),
+            and inputs, which integrate a bias or relay injected spikes.
         dense_inputs: bool (inputs,): the row of this input is stored dense (every compartment of exc here, without
-            indices); else sparse: the weights that are not 0. A row without any weight is not stored.
-        needs: What the content takes of the core's limits.
-        load: What the core is expected to do in a step.
+            indices); else sparse: the weights that are not 0. A row without weights is not stored.
+        needs: The resources that the content needs.
+        load: The expected load of the core in a step.
         microseconds: Its modelled time of a step, mean; None without `Plan.times`.
     """
 
@@ -92,16 +92,16 @@ class CorePlan:
     microseconds: float | None = None
 
     def part(self, population: PopulationName) -> PopulationPart:
-        """The core's part of ``population``; of size 0 if it has none."""
+        """The core's part of ``population``; its size is 0 if there is none."""
         return next((part for part in self.parts if part.population == population), PopulationPart(population, 0, 0, 0))
 
 
 @dataclass(frozen=True)
 class Times:
-    """What a network is modelled to take on a board, when it is asked its own reference images.
+    """Modelled times of a network on a board that answers the network's own reference images.
 
     Attributes:
-        asked, references: Images that were asked, evenly spread, and all there are.
+        asked, references: Number of images presented, evenly spread, and of all references.
         step_microseconds: Time of one step, mean.
         milliseconds: Time of a query.
     """
@@ -112,13 +112,13 @@ class Times:
     milliseconds: Estimate
 
     def as_json(self) -> dict[str, Any]:
-        """The times as scripts read them, by the names that `bench` has for them."""
+        """The times as scripts read them, by the names that `bench` uses."""
         times = {"step_microseconds": self.step_microseconds, "milliseconds": self.milliseconds}
         return {"activity": self.activity, **{name: value.as_json() for name, value in times.items()}}
 
     @property
     def activity(self) -> str:
-        """What the times rest on, in words."""
+        """Description of the images behind the times."""
         some = "" if self.asked == self.references else f"{self.asked} of "
         return f"{some}its {self.references} reference images, asked as queries"
 
@@ -135,7 +135,7 @@ class Plan:
         hops: Expected tiles that messages between cores cross in one step; None: the mesh is not public.
         host_spikes: Spikes that the host sends to each chip in one step, mean plus six standard deviations; 0 if inputs
             integrate a bias.
-        times: What it is modelled to take; None: nobody asked, or the board's times are not public.
+        times: Modelled times; None: not computed, or the board's times are not public.
     """
 
     network: FixedNetwork = field(repr=False)
@@ -149,9 +149,9 @@ class Plan:
 
     @property
     def embedded_tables(self) -> tuple[int, int]:
-        """Bytes of tables and counts of ``programs/kapoho_bay/chip_program.py`` on the chip where they take most, and
-        with ``--ways masks``: two places and a count a neuron, a place an input compartment, cores, and the input axons
-        of injected spikes, as numbers or as bits."""
+        """Bytes of tables and counts of ``programs/kapoho_bay/chip_program.py`` on the chip that needs most, and the
+        same with ``--ways masks``: two places and a count a neuron, a place an input compartment, cores, and the input
+        axons of injected spikes, as numbers or as bits."""
         network, found = self.network, []
         for chip in {core.chip for core in self.cores}:
             own = [core for core in self.cores if core.chip == chip]

@@ -1,4 +1,4 @@
-"""Energy and time of every step from what was counted: the closed form that equals SANA-FE's.
+"""Energy and time of every step from counted events, by the closed form that equals SANA-FE's.
 
     E_dyn  = e_syn O + e_acc N T + e_upd U + e_spk F + e_msg P + sum(e_hop H)
     t_step = max(max over cores of what arrives, max over cores of the neurons' part) + barrier
@@ -7,7 +7,7 @@ with O synaptic operations, N compartments in T steps, U updates, F spikes, P me
 goes to, those with input spikes included), H tiles crossed. What arrives on a core takes 16 ns a message and 3.8 or 4.7
 ns an operation; its neurons' part 6.0 ns an access, 3.7 an update, 30 a spike, 5.1 a message
 (`lava_vpr.deploy.boards.constants.CostConstants`). Form and nominal figures are SANA-FE's (``simple`` timing);
-`lava_vpr.deploy.boards.constants` has all of them with sources.
+`lava_vpr.deploy.boards.constants` lists all of them with sources.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def step_picojoules(events: EventCounts, constants: CostConstants, level: Level)
 
 
 def core_nanoseconds(events: EventCounts, constants: CostConstants, level: Level) -> tuple[Floats, Floats]:
-    """Time of what arrives and of the neurons' part on every core in every step, ns, float64 (n, steps, cores) each."""
+    """Times of arriving spikes and of neurons on every core in every step, ns, float64 (n, steps, cores) each."""
     arrivals = constants.arrival_nanoseconds(
         level, events.messages_in, events.operations_dense, events.operations_sparse
     )
@@ -56,7 +56,7 @@ def core_nanoseconds(events: EventCounts, constants: CostConstants, level: Level
 
 
 def step_nanoseconds(events: EventCounts, constants: CostConstants, level: Level) -> tuple[Floats, Floats]:
-    """Time of what arrives and of the neurons' part on the busiest core in every step, ns, float64 (n, steps) each."""
+    """Times of arriving spikes and of neurons on the busiest core in every step, ns, float64 (n, steps) each."""
     arrivals, neurons = core_nanoseconds(events, constants, level)
     return arrivals.max(axis=2), neurons.max(axis=2)
 

@@ -1,8 +1,8 @@
-"""What a query costs on a board, from counted events: the cost model. Nothing of it was measured on a chip.
+"""The cost model: energy and time of a query on a board, from counted events. Nothing was measured on a chip.
 
-`deploy.cost.closed_form` has energy and time of every step; here they become figures of a query, low, nominal and
-high, with the clearing of states. Static energy is apart: every chip of the board draws its power, used or not. So is
-the host's traffic.
+`deploy.cost.closed_form` computes energy and time of every step. Here they become low, nominal and high figures of a
+query, with the clearing of states. Static energy, which every chip of the board draws whether it is used or not, and
+the host's traffic are separate.
 """
 
 from __future__ import annotations
@@ -49,19 +49,19 @@ class BoardFigures:
 
     Attributes:
         dynamic_by_component: Microjoules of a query, clearing of states included, host I/O not.
-        milliseconds: Time of a query on the chip: all its steps, and what is read, cleared and set between two.
+        milliseconds: Time of a query on the chip: all its steps, and reading, clearing and setting between two queries.
         step_microseconds: Time of one step, mean over the steps: cores, barrier, and the program on the chips'
             processors.
         static_millijoules: Energy that all chips and embedded processors draw during ``milliseconds``.
-        io_milliseconds_by_way: Time of the host's traffic for the query, apart: both input modes, the one in use first.
-        io_microjoules_by_way: Dynamic energy on the chips that input takes, by input mode, the one in use first.
-            Messages, input compartments and their settings of the mode in use are part of ``dynamic_by_component``; the
-            other's are an estimate of what would stand there instead.
+        io_milliseconds_by_way: Separate time of the host's traffic for the query, by input mode, the one in use first.
+        io_microjoules_by_way: Dynamic energy of input on the chips, by input mode, the one in use first. Messages,
+            input compartments and their settings of the mode in use are part of ``dynamic_by_component``; those of the
+            other mode are an estimate.
         wall_milliseconds: Time of a query with the host's traffic, from the first packet to the last count
             (`wall_milliseconds`).
         wall_static_millijoules: Static energy during ``wall_milliseconds``.
-        busiest: Whose part made a step that long, as share of the steps (nominal): ``receive`` or ``neurons``.
-        embedded: What the program on the chips' processors does: accesses a step and between queries on the busiest
+        busiest: Share of the steps whose time is that of arriving spikes (``receive``) or of ``neurons`` (nominal).
+        embedded: Work of the program on the chips' processors: accesses per step and between queries on the busiest
             chip, and their times, which are part of ``step_microseconds`` and ``milliseconds``
             (`deploy.cost.embedded`).
     """
@@ -94,12 +94,12 @@ _KEYS: tuple[str, ...] = (
     *("wall_milliseconds", "wall_static_millijoules", "busiest", "busiest_core", "embedded", "clearing", "counts"),
     "unavailable",
 )
-"""What `Modelled.as_json` has, in its order."""
+"""Keys of `Modelled.as_json`, in order."""
 
 
 @dataclass(frozen=True)
 class Modelled:
-    """A query on a board, by the cost model; nothing of this was measured on a chip.
+    """Modelled costs of a query on a board; nothing here was measured on a chip.
 
     Attributes:
         target: The name of the board.
@@ -108,13 +108,13 @@ class Modelled:
         steps: Steps of a presentation, the silent ones included.
         input_mode: ``injected`` or ``bias``.
         figures: Energies and times; None: there are none, and ``unavailable`` says why.
-        busiest_core: What a step waits for: events of the core that has most of them, mean over the steps, by name;
-            None: no query was counted.
-        clearing: How states are cleared and what it takes: writes, microjoules, milliseconds; what rest would
-            take (None: no rest clears them).
+        busiest_core: Events of the core with most of them, for which a step waits, mean over the steps, by name; None:
+            no query was counted.
+        clearing: The mechanism that clears states, with writes, microjoules and milliseconds, and the costs of rest
+            instead (None: no rest clears them).
         counts: Events of a query, mean over the queries, by name; None: unknown.
-        unavailable: Why there are no energies and times (Loihi 2); None if there are.
-        assumptions: What was assumed, a sentence each, with source.
+        unavailable: Reason for missing energies and times (Loihi 2); None if there are some.
+        assumptions: The assumptions with their sources, a sentence each.
     """
 
     target: str
@@ -131,12 +131,13 @@ class Modelled:
     assumptions: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
-        """The figures by name, as scripts read them; the target is the key, and assumptions stand with all others'."""
+        """The figures by name, as scripts read them, without target (their key) and assumptions (listed for all boards
+        together)."""
         return {key: getattr(self if hasattr(self, key) else self.figures, key, None) for key in _KEYS}
 
 
 def modelled(plan: Plan, events: EventCounts) -> Modelled:
-    """What a query costs on the board of ``plan``, mean over the queries of ``events``."""
+    """Costs of a query on the board of ``plan``, mean over the queries of ``events``."""
     board, constants = plan.board, plan.board.constants
     counted = Modelled(
         target=board.name,
@@ -228,7 +229,7 @@ def _dynamic(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[
 
 
 def _outside_steps(plan: Plan, constants: CostConstants) -> dict[str, Estimate]:
-    """Microjoules of what is written for a query between presentations, by component."""
+    """Microjoules of the registers written for a query between presentations, by component."""
     write = _write_picojoules(plan, constants)
     components = {
         "clearing of states": write * (CLEARED * plan.network.neurons / 1e6),
@@ -245,7 +246,7 @@ def adaptation_microjoules(plan: Plan, constants: CostConstants) -> Estimate:
 
 
 def _write_picojoules(plan: Plan, constants: CostConstants) -> Estimate:
-    """Energy of a register that an embedded processor reads or writes: a message, its way, an access and an update."""
+    """Energy of a register read or written by an embedded processor: a message, its hops, an access and an update."""
     east_west, north_south = entry_hops(plan)
     return total(
         (
@@ -270,14 +271,15 @@ def _settings_microjoules(plan: Plan, constants: CostConstants) -> Estimate:
 
 
 def outside_steps(plan: Plan, constants: CostConstants) -> tuple[Estimate, Estimate]:
-    """Microjoules and milliseconds that a query takes besides its steps: counts read and sent, states cleared, and
-    inputs set if they are compartments."""
+    """Microjoules and milliseconds of a query besides its steps: reading and sending counts, clearing states, and
+    setting inputs that are compartments."""
     between = embedded.milliseconds(embedded.between_queries(plan), constants)
     return total(_outside_steps(plan, constants).values()), between
 
 
 def query_milliseconds(plan: Plan, step_microseconds: Estimate, constants: CostConstants) -> Estimate:
-    """Time of a query on the chip: all its steps, of that mean time, and what is read, cleared and set between two."""
+    """Time of a query on the chip: all its steps at the mean time of a step, and reading, clearing and setting between
+    two queries."""
     between = embedded.milliseconds(embedded.between_queries(plan), constants)
     return step_microseconds * (plan.network.interval / 1e3) + between
 
@@ -285,18 +287,18 @@ def query_milliseconds(plan: Plan, step_microseconds: Estimate, constants: CostC
 def wall_milliseconds(
     milliseconds: Estimate, sent: Estimate, counts: Estimate, step_microseconds: Estimate, taken: float
 ) -> Estimate:
-    """Time of a query on the chip and in the host's traffic, as the program on the chip takes packets.
+    """Time of a query on the chip with the host's traffic, in the order in which the program on the chip takes packets.
 
-    It waits for settings before the first step and sends counts after the last, and the host begins no query before it
-    has the counts of the one before: these times add up. Input spikes it takes step by step, while the host, which the
-    channel lets be some packets ahead, sends those of later steps: each step but one passes during a packet, or a
-    packet during a step, whichever is shorter. High: nothing overlaps.
+    The program waits for settings before the first step and sends counts after the last, and the host starts a query
+    only after the counts of the one before: these times add up. It takes input spikes step by step, while the host
+    sends those of later steps, since the channel holds some packets: in all steps but one, the shorter of step and
+    packet is hidden by the longer. High: nothing overlaps.
 
     Args:
         milliseconds: Time on the chip.
-        sent, counts: Time of what the host sends, and of the counts that come back, in ms.
+        sent, counts: Time of the host's packets, and of the counts that come back, in ms.
         step_microseconds: Mean time of a step.
-        taken: Steps in which input spikes are taken; 0: settings are.
+        taken: Steps in which the program takes input spikes; 0: it takes settings.
     """
 
     def overlapped(level: Level) -> float:
@@ -309,13 +311,14 @@ def wall_milliseconds(
 
 
 def all_microseconds(plan: Plan, events: EventCounts, constants: CostConstants, level: Level) -> Floats:
-    """Time of every step, us, float64 (n, steps): of the cores and the barrier, then of the embedded program."""
+    """Time of every step, us, float64 (n, steps): the time of the cores and the barrier, then that of the embedded
+    program."""
     on_cores = step_microseconds(events, constants, level)
     return np.asarray(on_cores + embedded.step_microseconds(plan, events, constants, level))
 
 
 def _input_microjoules(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Estimate]:
-    """Dynamic energy that input takes on the chips, by input mode, the one in use first."""
+    """Dynamic energy of input on the chips, by input mode, the one in use first."""
     network, queries = plan.network, max(1, events.queries)
 
     def mean(name: str) -> float:
@@ -347,7 +350,7 @@ def _input_microjoules(plan: Plan, events: EventCounts, constants: CostConstants
 
 
 def static_millijoules(plan: Plan, milliseconds: Estimate, constants: CostConstants) -> Estimate:
-    """Millijoules that all chips of the board draw in so long."""
+    """Millijoules that all chips of the board draw in this time."""
     power = (constants.static + constants.embedded) * plan.board.chips
     return Estimate.of(lambda level: power.at(level) * milliseconds.at(level) / 1e3)
 
@@ -356,7 +359,7 @@ def static_millijoules(plan: Plan, milliseconds: Estimate, constants: CostConsta
 
 
 def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Any]:
-    """What the board's `Clearing` says, with what it takes, and what steps of rest would."""
+    """The board's `Clearing` with its costs, and the costs of steps of rest instead."""
     microjoules = _outside_steps(plan, constants)["clearing of states"]
     most = max(counts_on_chips(plan, "exc").values(), default=0)  # each chip's processor writes its own
     told = {
@@ -385,13 +388,13 @@ def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict
 
 
 def _either(values: Sequence[float]) -> str:
-    """Low, nominal and high as people say them."""
+    """Low, nominal and high in words."""
     *first, last = (f"{value:g}" for value in values)
     return f"{', '.join(first)} or {last}"
 
 
 def assumptions(events: EventCounts) -> tuple[str, ...]:
-    """What the model takes for granted, a sentence each."""
+    """The assumptions of the model, a sentence each."""
     sentences = [
         "A step lasts as long as its busiest core, plus a barrier by tiles in use (SANA-FE's simple timing): no "
         "contention on the mesh; the high bound takes no step as shorter than the 5.8 us measured on 32 chips (Frady "

@@ -1,14 +1,13 @@
-"""The time of the program on a chip's embedded processor, its accesses, counted, times stated cycles; and the host's
+"""Time of the program on a chip's embedded processor, as counted accesses times assumed cycles, and of the host's
 traffic with it.
 
-What it accesses is read off ``programs/kapoho_bay/embedded.c``: registers of cores (a state or setting read or
-written, a spike sent to a core, a core flushed), which lie beyond the mesh, and words of its own memory (packets
-copied, summed and filled, tables looked up). It runs after the neurons of every step, while the cores wait: its time
-adds to theirs, and chips, which step together, wait for the busiest. How long an access takes is not public
-(`loihi.REGISTER_CYCLES`).
+The accesses are those in ``programs/kapoho_bay/embedded.c``: registers of cores over the mesh (a state or setting read
+or written, a spike sent to a core, a core flushed), and words of the processor's own memory (packets copied, summed and
+filled, tables looked up). It runs after the neurons of every step, while the cores wait: its time adds to theirs, and
+chips, which step together, wait for the busiest. The time of an access is not public (`loihi.REGISTER_CYCLES`).
 
-The host's traffic for a query is that of the host program of a Kapoho Bay bundle, and bounds around it. Spikes or
-settings go to each chip's embedded processor in packets of `ROOM` words, and counts come back in such packets
+The host's traffic for a query is that of a Kapoho Bay bundle's host program, with bounds. Spikes or settings go to each
+chip's embedded processor in packets of `ROOM` words, and counts come back in such packets
 (``programs/kapoho_bay/packets.py``). Nominal: those packets, one message over USB each. Low: the spikes of a whole
 query packed one after another. High: every spike, setting and count a message of its own.
 """
@@ -30,7 +29,7 @@ from lava_vpr.loihi import PACKET_HEADER_WORDS, PACKET_WORDS
 Floats = NDArray[np.float64]
 
 CALL_WORDS = 8
-"""Words that a call of the program takes by itself: guard, state, and the step of the query."""
+"""Words accessed by every call of the program: guard, state, and the step of the query."""
 
 ROOM = PACKET_WORDS - PACKET_HEADER_WORDS
 """Payload of a packet, in words."""
@@ -52,17 +51,17 @@ class Accesses:
         return Accesses(self.registers + other.registers, self.words + other.words)
 
     def nanoseconds(self, constants: CostConstants) -> Estimate:
-        """How long they take."""
+        """Time of these accesses."""
         return constants.register_time * self.registers + constants.word_time * self.words
 
 
 def received(words: float) -> float:
-    """Words of memory for packets with so many words of payload: copied whole, summed up and used."""
+    """Words of memory accessed for received packets with so many words of payload: copied whole, summed and used."""
     return -(-words // ROOM) * (PACKET_WORDS + PACKET_HEADER_WORDS) + 2 * words
 
 
 def sent(words: float) -> float:
-    """Words of memory for packets of counts, at least one: emptied and copied whole, filled and summed up."""
+    """Words of memory accessed for packets of counts, at least one: emptied and copied whole, filled and summed."""
     return max(1, -(-words // ROOM)) * (2 * PACKET_WORDS + PACKET_HEADER_WORDS) + 2 * words
 
 
@@ -72,14 +71,14 @@ def chips_of(plan: Plan) -> list[int]:
 
 
 def members(plan: Plan, chip: int, population: PopulationName) -> tuple[int, int]:
-    """Neurons of ``population`` on a chip, and the cores that they stand on."""
+    """Number of neurons of ``population`` on a chip, and of the cores with any of them."""
     sizes = [core.part(population).size for core in plan.cores if core.chip == chip]
     return sum(sizes), sum(size > 0 for size in sizes)
 
 
 def between_queries(plan: Plan) -> dict[int, Accesses]:
-    """Accesses of each chip's processor between two queries: counts read and sent, states cleared, inputs set and, at
-    the end, silenced."""
+    """Accesses of each chip's processor between two queries: reading and sending counts, clearing states, setting
+    inputs and, at the end, silencing them."""
     found = {}
     for chip in chips_of(plan):
         exc, exc_cores = members(plan, chip, "exc")
@@ -93,7 +92,7 @@ def between_queries(plan: Plan) -> dict[int, Accesses]:
 
 
 def milliseconds(accesses: dict[int, Accesses], constants: CostConstants) -> Estimate:
-    """The time of what every chip's processor does by itself: that of the busiest."""
+    """Time of the busiest of the chips' processors, which work in parallel."""
     times = [own.nanoseconds(constants) for own in accesses.values()]
     return Estimate.of(lambda level: max((time.at(level) for time in times), default=0.0) / 1e6)
 
@@ -163,7 +162,7 @@ def _packets(values: float, room: int) -> int:
 def host_milliseconds(
     plan: Plan, events: EventCounts, constants: CostConstants
 ) -> tuple[dict[str, Estimate], Estimate]:
-    """Time of what the host sends for a query by input mode, the one in use first, and of the counts that come back."""
+    """Time of the host's packets for a query by input mode, the one in use first, and of the counts that come back."""
     inputs, steps, compartments = plan.network.inputs, plan.network.steps, counts_on_chips(plan, "inputs")
     exc = {chip: size for chip, size in counts_on_chips(plan, "exc").items() if size + compartments[chip]}
     if not plan.network.input_compartments:
@@ -181,7 +180,8 @@ def host_milliseconds(
 
 
 def bias_milliseconds(plan: Plan, constants: CostConstants) -> Estimate:
-    """Time of the biases of an adapted query: packets to each chip, a word a neuron, and what its processor does."""
+    """Time of the biases of an adapted query: packets to each chip, a word per neuron, and the work of its
+    processor."""
     chips = {chip: members(plan, chip, "exc") for chip in chips_of(plan)}
     packets = sum(_packets(exc, ROOM) for exc, _ in chips.values())
     messages = Estimate(packets, packets, sum(exc for exc, _ in chips.values()))
@@ -190,10 +190,10 @@ def bias_milliseconds(plan: Plan, constants: CostConstants) -> Estimate:
 
 
 def _injected(plan: Plan, events: EventCounts, chips: Sequence[int]) -> list[float]:
-    """Spikes of a query that the host sends each of ``chips``.
+    """Spikes of a query that the host sends to each of ``chips``.
 
-    The host sends a spike once to each chip, or to that of its relay; how many messages it becomes there is the
-    embedded processor's work.
+    The host sends a spike once to each chip, or only to the chip of its relay; the embedded processor sends the
+    messages on the chip.
     """
     spikes = float(events.input_spikes.sum() / max(1, events.queries))
     if through_relays(plan):

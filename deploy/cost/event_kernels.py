@@ -40,11 +40,11 @@ class Routes(NamedTuple):
     """A plan as the kernel takes it: N neurons, L leaves, J inputs, K cores.
 
     Attributes:
-        exc_core, listener_core: Where each neuron stands, and the inhibitory neuron that listens to it, (N,).
-        counted: Whether a counter beside each neuron takes its spikes; else the vendor's library reads them.
-        leaf_core: Where each leaf stands, (L,).
-        root_core: Where the root stands.
-        input_core: Where each input's compartment stands, (J,); -1: it has none.
+        exc_core, listener_core: Core of each neuron, and of the inhibitory neuron that listens to it, (N,).
+        counted: Whether a counter beside each neuron counts its spikes; else the vendor's library reads them.
+        leaf_core: Core of each leaf, (L,).
+        root_core: Core of the root.
+        input_core: Core of each input's compartment, (J,); -1: it has none.
         relayed: Whether these compartments relay injected spikes, instead of integrating a bias.
         input_rows: Operations, dense and sparse, of an input's row on each core, (J, K, 2); both 0: no message goes
             there.
@@ -82,15 +82,15 @@ def _updates(
 ) -> None:
     """Count the updates of the excitatory neurons in one step.
 
-    A neuron has a reason to be updated if it integrates a bias, if its membrane was not 0, or if the sum that arrived
-    is not 0: then its membrane is not 0 afterwards, or it has spiked. It is touched by whatever was delivered to it.
+    A neuron is updated if it integrates a bias, if its membrane was not 0, or if the sum that arrived is not 0: its
+    membrane is then not 0, or it has spiked. It is touched by any synapse delivered to it.
 
     Args:
         routes: The plan.
         membranes_before, membranes: After the step before, and after this one, (N,).
-        fired: Who spiked, (N,).
+        fired: Which neurons spiked, (N,).
         arrived: Inputs whose spikes arrive in this step.
-        pulled: On which cores a row of the root arrives, (K,).
+        pulled: Cores at which a row of the root arrives, (K,).
         events: Events of this step, (K, kinds).
     """
     for i in range(membranes.size):
@@ -110,7 +110,7 @@ def _updates(
 
 @compiled(inline="always")
 def _receive(events: Counts, target: int, operations: Counts) -> None:
-    """Count a message that arrives, and what it meets there."""
+    """Count an arriving message and the operations of its row."""
     events[target, _IN] += 1
     events[target, _OPERATIONS] += operations[0]
     events[target, _OPERATIONS + 1] += operations[1]
@@ -118,7 +118,7 @@ def _receive(events: Counts, target: int, operations: Counts) -> None:
 
 @compiled(inline="always")
 def _send(events: Counts, home: int, target: int, operations: Counts, ways: Counts) -> None:
-    """Count a message from core to core, and what it meets there."""
+    """Count a message from core to core and the operations of its row."""
     events[home, _OUT] += 1
     for i in range(3):
         events[home, _WAY + i] += ways[home, target, i]
@@ -127,7 +127,7 @@ def _send(events: Counts, home: int, target: int, operations: Counts, ways: Coun
 
 @compiled(inline="always")
 def _inject(events: Counts, target: int, operations: Counts, entry: Counts) -> None:
-    """Count an injected message, and what it meets there."""
+    """Count an injected message and the operations of its row."""
     events[target, _FROM_INPUTS] += 1
     events[target, _INJECTED] += 1
     for i in range(2):
@@ -138,7 +138,7 @@ def _inject(events: Counts, target: int, operations: Counts, entry: Counts) -> N
 
 @compiled(inline="always")
 def _fire(events: Counts, home: int) -> None:
-    """Count a spike of a neuron without memory, which what has just arrived makes spike."""
+    """Count a spike of a neuron without memory, caused by the spike that has just arrived."""
     events[home, _SPIKES] += 1
     events[home, _UPDATES] += 1
     events[home, _TOUCHED] += 1
@@ -146,8 +146,8 @@ def _fire(events: Counts, home: int) -> None:
 
 @compiled(inline="always")
 def _count_on(routes: Routes, counting: NDArray[np.bool_], fired: NDArray[np.uint8], now: Counts) -> None:
-    """Count the updates of the counters that took a spike before this step (``counting``): their membrane stays. Those
-    whose neurons fire now join them."""
+    """Count the updates of counters that counted a spike before this step (``counting``), since they keep their
+    membrane; then add those whose neurons fire now."""
     for i in range(fired.size):
         if counting[i]:
             now[routes.exc_core[i], _UPDATES] += 1
@@ -157,7 +157,7 @@ def _count_on(routes: Routes, counting: NDArray[np.bool_], fired: NDArray[np.uin
 
 @compiled(inline="always")
 def _exc_spikes(routes: Routes, fired: NDArray[np.uint8], single: Counts, now: Counts) -> None:
-    """Count the messages of excitatory spikes: to their counters, and to who listens."""
+    """Count the messages of excitatory spikes, to their counters and to the inhibitory neurons that listen."""
     for i in range(fired.size):
         if fired[i]:
             home = routes.exc_core[i]
@@ -172,7 +172,8 @@ def _exc_spikes(routes: Routes, fired: NDArray[np.uint8], single: Counts, now: C
 def _inhibitory_spikes(
     routes: Routes, fired: NDArray[np.uint8], single: Counts, pulled: NDArray[np.bool_], now: Counts
 ) -> None:
-    """Count spikes of the inhibitory neurons: leaves tell the root, and the root the cores with exc (``pulled``)."""
+    """Count spikes of the inhibitory neurons: from leaves to the root, and from the root to the cores with exc
+    (``pulled``)."""
     for leaf in range(fired.size - 1):
         if fired[leaf]:
             _fire(now, routes.leaf_core[leaf])
@@ -250,7 +251,7 @@ def count_presentation(
         _exc_spikes(routes, exc[step], single, now)
         _inhibitory_spikes(routes, inh[step], single, pulled, now)
         if integrating:
-            # What spiked in the last step with input stays at 0 without a bias.
+            # A neuron that spiked in the last step with input stays at 0 without a bias.
             _integrating(routes, mapped, inputs[steps - 1] if step >= steps else no_input, now)
         passed = step - 1 if routes.relayed else step
         count = 0

@@ -1,19 +1,19 @@
-"""What a board does for each query, step by step and core by core, counted from every spike and the mapping.
+"""Events of a board for each query, counted by step and core from every spike and the mapping.
 
 The register-level simulation counts the same from registers and memory; `tests/deploy/cost/test_events.py` holds the
 two against each other. A message belongs to the step of its spike: it is sent, received and meets its row in that step,
 and the sum counts in the next.
 
-**What is an update.** Every mapped compartment is accessed in every step, and updated when there is a reason:
+**What is an update.** Every mapped compartment is accessed in every step, and updated under one of two definitions:
 
 - `EventCounts.updates`, as the register-level simulation counts: the sum that arrived, the membrane or the bias is not
-  0. A neuron with a bias is updated in every step.
-- `EventCounts.touched`, as SANA-FE 2.2.9 counts (``models.cpp``, ``LoihiLifModel::update``): any stored synapse
-  delivered to the compartment, be its weight 0 or the sum of all 0, or membrane or bias are not 0.
+  0. A neuron with a bias is updated in every step. - `EventCounts.touched`, as SANA-FE 2.2.9 counts (``models.cpp``,
+     ``LoihiLifModel::update``): a stored synapse was delivered to the compartment, even if its weight or the sum of all
+     is 0, or membrane or bias is not 0.
 
 The two differ by a handful in a million. Inhibitory neurons, and relays of injected spikes, have no memory: they are
-updated when a spike arrives, and spike in that step. What is injected directly has no compartments: neither accessed
-nor updated.
+updated when a spike arrives, and spike in that step. Directly injected inputs have no compartments, so none are
+accessed or updated.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class EventCounts:
             synapses of a dense row, the weights that are not 0 of a sparse one.
         updates, touched: Compartments updated, by two definitions; see the module.
         spikes: Spikes of compartments.
-        messages_out: Spikes sent to cores, one message for each core that they go to, the own one included.
+        messages_out: Messages sent, one for each target core of a spike, its own core included.
         read_outs: The messages out that go to counters; 0 where the vendor's library reads spikes out.
         crossings: Messages out to another chip.
         hops_east_west, hops_north_south: Tiles that messages out cross; 0 where the mesh is not public.
@@ -102,7 +102,7 @@ class EventCounts:
 
 
 def routes(plan: Plan, entry: tuple[int, int] | None = None) -> Routes:
-    """Where every spike goes and what it meets there; see `count_events`."""
+    """Target cores and rows of every spike; see `count_events`."""
     network, total = plan.network, len(plan.cores)
     homes = {"exc": network.neurons, "counters": network.neurons, "inh": network.inhibitory, "inputs": network.inputs}
     home = {name: np.full(size, -1, np.int64) for name, size in homes.items()}
@@ -138,7 +138,7 @@ def routes(plan: Plan, entry: tuple[int, int] | None = None) -> Routes:
 
 
 def _ways(plan: Plan, entry: tuple[int, int] | None) -> tuple[Counts, Counts]:
-    """The tiles and crossings of all ways between the plan's cores: ``ways`` and ``entry`` of `Routes`."""
+    """The hops and crossings between all cores of the plan: ``ways`` and ``entry`` of `Routes`."""
     board, count = plan.board, len(plan.cores)
     cores = np.array([(core.chip, core.core) for core in plan.cores], np.int64).reshape(-1, 2)
     ways, first = np.zeros((count, count, 3), np.int64), np.zeros((count, 2), np.int64)
@@ -152,7 +152,7 @@ def _ways(plan: Plan, entry: tuple[int, int] | None) -> tuple[Counts, Counts]:
 
 
 def _bits(trains: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """``trains`` as the kernels take them."""
+    """``trains`` in the type that the kernels take."""
     return np.ascontiguousarray(trains).view(np.uint8)
 
 
@@ -163,10 +163,10 @@ def count_events(
     entry: tuple[int, int] | None = None,
     bias: NDArray[np.int32] | None = None,
 ) -> EventCounts:
-    """Count what the cores of ``plan`` do while these spikes happen.
+    """Count the events on the cores of ``plan`` for given spikes.
 
     Args:
-        plan: Where the network stands.
+        plan: The network on its cores.
         trains: Every spike of exc and inputs, uint8 (n, interval, width); those of inh follow from exc.
         entry: Column and row of the tile from which input spikes are injected; None: tile 0 of the chip they go to.
         bias: Biases of each presentation, int32 (n, neurons); None: always the network's.

@@ -1,6 +1,7 @@
-"""What a network is modelled to take on a board before there are queries: its own reference images are asked.
+"""Modelled times of a network on a board before there are queries, from its own reference images.
 
-Their spikes are drawn, counted and timed as `bench` does those of queries, so that equal images give equal times.
+Spikes of references are drawn, counted and timed as `bench` does with those of queries, so equal images give equal
+times.
 """
 
 from __future__ import annotations
@@ -21,17 +22,17 @@ from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.model import Model
 
 MOST = 100
-"""Reference images that are asked, evenly spread over the route."""
+"""Reference images that are presented, evenly spread over the route."""
 
 _TOGETHER = 10
-"""Images whose events are held at once: on many cores they take much room."""
+"""Images whose events are in memory at once; on many cores they need much of it."""
 
 
 def timed(plan: Plan, model: Model) -> Plan:
-    """``plan`` with modelled times, if the board's are public; asked are the images of the first traverse as they are.
+    """``plan`` with modelled times, if the board's are public, from unchanged images of the first traverse.
 
     Args:
-        plan: Where the network of ``model`` stands.
+        plan: The plan of the network of ``model``.
         model: The model, with its references.
     """
     constants, asked = plan.board.constants, min(MOST, model.places)

@@ -1,12 +1,12 @@
-"""What a presentation of the spiking front end costs, population by population; nothing of it was measured.
+"""Modelled costs of a presentation of the spiking front end, by population; nothing was measured.
 
-Its spikes are counted, and what they make: synaptic operations as the board stores synapses, messages (one for each
-row that a spike goes to), accesses of neurons (each in each step, silent ones included), and updates, which a neuron
-takes from the first step on in which something arrives or it has a bias, so at most. Cores are those of
-`deploy.mapping.front_end`; tiles that messages cross are left out, as these cores have no places on the mesh.
+Counted are its spikes and what follows from them: synaptic operations in the board's storage of synapses, messages (one
+for each target row of a spike), accesses of neurons (all of them in each step, silent ones included), and an upper
+bound of updates, which a neuron has from the first step with an arriving spike or a bias on. Cores are those of
+`deploy.mapping.front_end`; hops of messages are left out, since these cores have no positions on the mesh.
 
-Apart stands what an image takes between two presentations: the registers of its pixels, states that are cleared, and
-the counts of cells, which are read for the host, as it makes rates of them.
+Costs between two presentations are separate: the registers of an image's pixels, states that are cleared, and the
+counts of cells, which the host reads to compute rates.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from lava_vpr.inputs.front_end_network import populations
 from lava_vpr.loihi import NO_MEMORY_DECAY
 
 COUNTS_OF_CELLS, COUNTS_OF_EXC = "counts of cells", "counts of exc"
-"""What is read after a presentation, by the registers' name: of cells, or of the neurons of places that hear these."""
+"""Names of the registers that are read after a presentation: counts of cells, or of the neurons of places that hear
+these."""
 Floats = NDArray[np.float64]
 Films = Mapping[str, NDArray[np.uint8]]
 
 
 class LayerEvents(NamedTuple):
-    """What a population of neurons does in a presentation: neurons and stored synapses to them; the rest are means of
-    images.
+    """Events of a population in a presentation, means over the images, with its neurons and stored synapses.
 
     Attributes:
         neurons, synapses: Their numbers.
@@ -72,17 +72,17 @@ class FrontEndCosts:
         board: The name of the board.
         images: Images that were counted.
         steps: Steps of a presentation.
-        cores: Cores that the populations take, each on cores of its own.
+        cores: Cores of all populations, none of which share a core.
         layers: Events of each population by name.
-        registers: Registers written or read for an image by what for: ``pixels`` (or ``events``, spikes that are sent),
+        registers: Registers written or read for an image, by purpose: ``pixels`` (or ``events``, spikes that are sent),
             ``clearing of states``, ``counts of cells`` (or ``counts of exc``).
         packets: Packets of the host for an image: those of the pixels or events, and of the counts.
         dynamic_microjoules: Of the steps, by population.
-        between_microjoules: Of the registers, by what for; their way on the mesh left out.
+        between_microjoules: Of the registers, by purpose, without hops on the mesh.
         step_microseconds: Of a step, mean: the busiest core and the barrier.
         milliseconds: Of all steps.
-        between_milliseconds: Of the registers, by what for, while the cores wait; packets of the host included.
-        static_millijoules: What all chips draw in all this time.
+        between_milliseconds: Of the registers, by purpose, while the cores wait; packets of the host included.
+        static_millijoules: Energy that all chips draw in all this time.
     """
 
     board: str
@@ -112,16 +112,16 @@ class FrontEndCosts:
 
 
 AT_ONCE = 20
-"""Images whose every spike is held at once, twice 2 MB each."""
+"""Images whose spikes are in memory at once, twice 2 MB each."""
 
 
 def front_end_costs(spec: FrontEnd, plan: PlacedFrontEnd, grey: NDArray[np.uint8]) -> FrontEndCosts:
-    """What a presentation costs on the board of ``plan``.
+    """Modelled costs of a presentation on the board of ``plan``.
 
     Args:
         spec: The front end.
-        plan: Where it stands.
-        grey: What its pixels take of each image (`FrontEnd.seen`), uint8 (n, height, width), n at least 1.
+        plan: The placed front end.
+        grey: Grey levels of its pixels for each image (`FrontEnd.seen`), uint8 (n, height, width), n at least 1.
     """
     board, constants = plan.board, plan.board.constants
     blocks = [_counted(spec, plan, grey[k : k + AT_ONCE]) for k in range(0, len(grey), AT_ONCE)]
@@ -154,10 +154,10 @@ def front_end_costs(spec: FrontEnd, plan: PlacedFrontEnd, grey: NDArray[np.uint8
 
 
 def registers_between(spec: FrontEnd, plan: PlacedFrontEnd, events: float) -> dict[str, int]:
-    """Registers of cores that are written or read for an image, by what for.
+    """Registers of cores that are written or read for an image, by purpose.
 
-    A bias is read and written; each of so many ``events`` is a spike that is sent. States are cleared that keep
-    anything: membranes and currents, each by itself, unless the board resets its neurons.
+    A bias is read and written; each of the ``events`` is a spike that is sent. All states that last are cleared,
+    membranes and currents separately, unless the board resets its neurons.
     """
     sizes, kept = spec.populations, 0
     for group in populations(spec).values():
@@ -181,7 +181,7 @@ class _Counted(NamedTuple):
     accesses: Floats
 
     def events(self, stored: int, images: int) -> LayerEvents:
-        """Those of a presentation, mean over the images."""
+        """Events of a presentation, mean over the images."""
         active = float(self.spikes.any(axis=2).sum()) / images
         spikes, operations, updates, messages = (
             float(each.sum()) / images for each in (self.spikes, self.operations, self.updates, self.messages_out)
@@ -220,7 +220,8 @@ def _counted(spec: FrontEnd, plan: PlacedFrontEnd, grey: NDArray[np.uint8]) -> d
 
 
 def _first_updates(spec: FrontEnd, name: str, films: Films, rows: Rows) -> NDArray[np.int64]:
-    """The step of the first update of each neuron of a population, int64 (n, neurons); that after the last if none."""
+    """The step of the first update of each neuron of a population, int64 (n, neurons); the number of steps without
+    any."""
     group = populations(spec)[name]
     biased = np.full(group.size, name == "pixels" and not spec.window)
     if group.bias is not None:
@@ -237,7 +238,7 @@ def _first_updates(spec: FrontEnd, name: str, films: Films, rows: Rows) -> NDArr
 
 
 def _step_microseconds(found: Iterable[_Counted], constants: CostConstants, tiles: int, level: Level) -> Floats:
-    """Time of every step, us, float64 (n, steps): the busiest core's, of what arrives or of its neurons."""
+    """Time of every step, us, float64 (n, steps): that of arriving spikes or of neurons on the busiest core."""
     longest = np.zeros(())
     for each in found:
         arrivals = constants.arrival_nanoseconds(level, each.messages_in, 0.0, each.operations)
@@ -247,7 +248,7 @@ def _step_microseconds(found: Iterable[_Counted], constants: CostConstants, tile
 
 
 def _words(spec: FrontEnd, registers: Mapping[str, int]) -> dict[str, int]:
-    """Words that the host sends or is sent, by what for: one a pixel, an event and a cell."""
+    """Words that the host sends or receives, by purpose: one per pixel, event and cell."""
     sent_for = {"pixels": spec.populations["pixels"], EVENTS: registers.get(EVENTS, 0), "clearing of states": 0}
     return {what: sent_for.get(what, count) for what, count in registers.items()}
 
@@ -255,7 +256,7 @@ def _words(spec: FrontEnd, registers: Mapping[str, int]) -> dict[str, int]:
 def _between_milliseconds(
     spec: FrontEnd, registers: Mapping[str, int], constants: CostConstants
 ) -> dict[str, Estimate]:
-    """Time of an image's registers by what for: packets of the host, and what an embedded processor does."""
+    """Time of an image's registers by purpose: packets of the host, and the work of an embedded processor."""
     found = {}
     for what, words in _words(spec, registers).items():
         handled = sent(words) if what in (COUNTS_OF_CELLS, COUNTS_OF_EXC) else received(words)

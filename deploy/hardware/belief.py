@@ -1,4 +1,4 @@
-"""One belief about hardware: a limit, an arithmetic, a register, a call or a figure, with its source or without one."""
+"""A belief about hardware: a limit, an arithmetic, a register, a call or a figure, with or without a source."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from lava_vpr import loihi
 
 BIAS_INPUT, DENSE, LEARNING = "inputs integrate a bias", "rows without indices", "the network that learns"
 NARROW, LONG = "weights of fewer than 8 bits", "long presentations"
-"""What some bundles have and others not, for `HardwareBelief.rests`."""
+"""Properties that some bundles have, for `HardwareBelief.rests`."""
 
 Kind = Literal["limit", "arithmetic", "register", "call", "figure"]
-"""What a belief is about. A ``limit`` is the most there is of something; a ``figure`` an energy, a time or a power."""
+"""The subject of a belief. A ``limit`` is a largest number of something, a ``figure`` an energy, a time or a power."""
 
 
 @dataclass(frozen=True)
@@ -45,16 +45,16 @@ class HardwareBelief:
 
     Attributes:
         name: The register, limit or call.
-        on: The chip, board or software that it is about.
-        kind: What it is about.
-        value: What is believed; `constants` where it is a constant's.
+        on: The chip, board or software.
+        kind: The subject of the belief.
+        value: The believed value; `constants` where it is a constant's.
         unit: The unit of the value; None where it has none.
-        breaks: What goes wrong if the belief is wrong.
-        source: The public text that shows it; None: unproven.
-        why: Of an unproven one, why it is believed all the same, or what is missing; None where there is a source.
-        constants: The names in `lava_vpr.loihi` that hold the value, so that it stands once.
-        rests: Of an unproven one, the bundles that rest on it: all of a chip, ``"Loihi 1"``, or those that have
-            something, ``"Loihi 1: bias input"`` (`lava_vpr.deploy.bundle.deployment.unproven`).
+        breaks: The consequence of a wrong belief.
+        source: The public text that shows the value; None: unproven.
+        why: For an unproven belief, the reason to hold it, or what is missing; None where there is a source.
+        constants: The names in `lava_vpr.loihi` that hold the value, so that it is written only once.
+        rests: For an unproven belief, the bundles that rest on it: all of a chip, ``"Loihi 1"``, or those with a
+            property, ``"Loihi 1: bias input"`` (`lava_vpr.deploy.bundle.deployment.unproven`).
     """
 
     name: str
@@ -76,21 +76,21 @@ class HardwareBelief:
 
     @property
     def proven(self) -> bool:
-        """Whether a public text shows it."""
+        """Whether a public text shows the value."""
         return self.source is not None
 
     @property
     def shown(self) -> str:
-        """The value as people read it."""
+        """The value in words."""
         return _text(self.value)
 
     @property
     def evidence(self) -> str:
-        """The source, or the word unproven and why it is believed."""
+        """The source, or the word unproven with the reason for the belief."""
         return self.source or f"**unproven**: {self.why}"
 
     def allows(self, value: int) -> bool:
-        """Whether the chip takes ``value`` here: one of those believed in, or at most a limit."""
+        """Whether the chip takes ``value``: a believed value, or one within a limit."""
         if isinstance(self.value, Span):
             return self.value.low <= value <= self.value.high
         if isinstance(self.value, tuple):
@@ -108,7 +108,7 @@ class HardwareBelief:
 
 
 def _text(value: object) -> str:
-    """A value, or several, as people read it."""
+    """A value, or several, in words."""
     if isinstance(value, dict):
         return ", ".join(f"{key}: {_text(number)}" for key, number in value.items())
     if isinstance(value, (Span, Given)):
@@ -133,7 +133,7 @@ def of_constants(
 ) -> HardwareBelief:
     """A belief whose value is that of the constants ``at``, names in `lava_vpr.loihi` with blanks between them.
 
-    One number, or several widths, are the value itself; the numbers of several constants are a list for people.
+    One number, or several widths, are the value itself; numbers of several constants become a list for people.
     """
     names = tuple(at.split())
     values = [getattr(loihi, each) for each in names]

@@ -1,4 +1,4 @@
-"""The one table of what is believed about hardware. Stand-ins for the vendors' libraries check against it alone."""
+"""The one table of beliefs about hardware, against which stand-ins for the vendors' libraries check."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SECTIONS: dict[str, tuple[HardwareBelief, ...]] = {
     "Loihi 2: synapses and learning": loihi_2.SYNAPSES,
     "Loihi 2: input, read-out, measurements": loihi_2.INPUT,
 }
-"""All rows but those of the cost model, as docs/hardware.md has them."""
+"""All rows except those of the cost model, by the sections of docs/hardware.md."""
 
 
 def _figure(constant: Constant) -> HardwareBelief:
@@ -59,7 +59,7 @@ def unproven_values(name: str) -> tuple[HardwareBelief, ...]:
 
 
 def kind_of(row: HardwareBelief) -> str:
-    """What is in brackets behind the name of an unproven row: the word by which it is asked for."""
+    """The text in brackets after the name of an unproven row: the word that requests it."""
     return row.name.partition(" (")[2].removesuffix(")")
 
 
@@ -69,12 +69,13 @@ def relied_on(has: Collection[str]) -> tuple[HardwareBelief, ...]:
 
 
 def refusal(name: str, value: int, asked: Collection[str] = ()) -> str:
-    """Why the chip is not known to take ``value`` as ``name``; empty if it is, or if an unproven kind was asked for.
+    """Why the chip is not known to take ``value`` as ``name``; empty if it is known, or if the unproven kind was
+    requested.
 
     Args:
         name: The name of a row.
         value: The value.
-        asked: Kinds of unproven values that are asked for (`kind_of`).
+        asked: Requested kinds of unproven values (`kind_of`).
     """
     said = BELIEFS[name].refusal(value)
     for row in unproven_values(name) if said else ():
