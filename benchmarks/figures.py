@@ -1,6 +1,6 @@
 """Tables of figures as docs/results/NAME.json keeps them: what a command computed, under which conditions.
 
-Benchmarks write theirs with ``--record``; `make pages` then writes the pages anew.
+Benchmarks write theirs with ``--record``; `make pages` then writes the pages again.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class PageTable:
     """A table that a page shows.
 
     Attributes:
-        command: What computes it anew.
+        command: The command that computes it again.
         conditions: What the figures depend on.
         columns: Headings, in Markdown.
         rows: Cells, in Markdown.

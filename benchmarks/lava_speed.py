@@ -1,4 +1,4 @@
-"""How fast Lava runs the network on this machine, side by side with what it is held against.
+"""Speed of the network in Lava on this machine, side by side with the programs that it is compared with.
 
     python -m benchmarks lava_speed
 
@@ -140,7 +140,7 @@ def fused_and_host(arrays: Arrays, options: dict[str, Any]) -> Arrays:
 
 @program()
 def main() -> Printed:
-    """How fast our networks in Lava run beside what they are held against."""
+    """Speed of our networks in Lava beside the programs that they are compared with."""
     options, rows = {"rounds": ROUNDS, "batch": BATCH, "batches": BATCHES}, []
     for names, measure in (
         (("composed Processes: time steps", "Lava's library"), composed_and_library),

@@ -45,7 +45,7 @@ def check_crop(crop: str, encoder: EncoderConfig) -> None:
 def of_references(
     traverse: Traverse, encoder: EncoderConfig, crop: str, tell: Callable[[str], object] = lambda line: None
 ) -> Framing | None:
-    """What is encoded of references that have bars in common, which ``tell`` is told of; None: all of them.
+    """The part of the references to encode if they have bars in common, which ``tell`` reports; None: the whole images.
 
     Raises:
         ConfigError: as `check_crop`.

@@ -15,7 +15,7 @@ _MARK = re.compile(r" (?=>|(?:[-+*#=|]+|\d+[.)])(?: |$))")
 
 
 def wrapped(page: str) -> str:
-    """The text ``page`` with every paragraph wrapped anew that has too long a line."""
+    """The text ``page`` with every paragraph wrapped again if it has too long a line."""
     blocks = _blocks(page.split("\n"))
     return "\n".join(line for prose, block in blocks for line in (_lines(block) if prose else block))
 

@@ -4,9 +4,9 @@
 
 A scheduler and workers of one thread each run as processes on the loopback address; ``lava-vpr train --cluster`` and
 ``eval --cluster`` are processes, too. Bytes are those of the loopback device, as the kernel counts them: what goes over
-the scheduler counts twice, and whatever else uses the device counts, too (`unshare --net` gives a run its own).
-Memory is the most that a process held at any time; scheduler and workers are started anew for each route. ``--alone``
-learns and asks on as many threads without a cluster, too, and compares the bytes of model and figures.
+the scheduler counts twice, and whatever else uses the device counts, too (`unshare --net` gives a run its own). Memory
+is the most that a process held at any time; scheduler and workers are started again for each route. ``--alone`` learns
+and asks on as many threads without a cluster, too, and compares the bytes of model and figures.
 
 ``--paper`` says what longer routes would take by the same work: an image, a stretch of 100 places and a query are timed
 here, on one processor, the query in a network whose neurons are those of a learned map again and again; all else is

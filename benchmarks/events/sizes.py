@@ -30,7 +30,7 @@ COLUMNS = (
 
 
 def resized(folder: Path, which: str, side: int) -> Traverse:
-    """A drive in frames of ``side`` pixels: the events of all pixels that one takes the place of, 255 at most."""
+    """A drive in frames of ``side`` pixels: each pixel sums the events of the pixels that it replaces, at most 255."""
     folder.mkdir()
     for k, image in enumerate(drive(which, ALL, LearningWay(EVENTS)).images()):
         counts = cv2.resize(image.astype(np.float32), (side, side), interpolation=cv2.INTER_AREA)

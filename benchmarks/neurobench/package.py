@@ -45,7 +45,7 @@ class Neurons(snntorch.SpikingNeuron):
 
 
 class NeurobenchNetwork(nn.Module):
-    """Inputs to exc, exc to the one inhibitory neuron, which takes from all of exc; every arrow takes one step."""
+    """Inputs to exc, exc to the one inhibitory neuron, which inhibits all of exc; every arrow takes one step."""
 
     def __init__(self, weights: np.ndarray, bias: np.ndarray, numbers: Numbers, batch: int) -> None:
         super().__init__()

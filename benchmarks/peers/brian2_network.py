@@ -1,4 +1,4 @@
-"""VPRSNN's network in Brian2, written from its equations: what the `paper` preset is held against and timed beside.
+"""VPRSNN's network in Brian2, written from its equations: the peer with which the `paper` preset is compared and timed.
 
 Brian2 stands in an environment of its own (`make peers`) and compiles with Cython. Settings come from the same
 `Config` as the engine's. `Brian2Network.reset` and `Brian2Network.present_spikes` make the two comparable spike by

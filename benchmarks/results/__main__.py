@@ -1,9 +1,9 @@
-"""Compute the figures of the results into docs/results.json, and write all pages anew. `make results` calls it.
+"""Compute the figures of the results into docs/results.json, and write all pages again. `make results` calls it.
 
     LAVA_VPR_DATA=... python -m benchmarks.results [--all]
 
-Rows that were computed under today's settings and from today's sources stay as they are. The file is written after
-each section and seed, so an interrupted run goes on where it was.
+Rows that were computed under today's settings and from today's sources stay as they are. The file is written after each
+section and seed, so an interrupted run continues.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ class Span:
 
 @dataclass(frozen=True)
 class Given:
-    """The value of a belief that is not one of `lava_vpr.loihi`'s constants, as people read it."""
+    """The value of a belief that is not one of `lava_vpr.loihi`'s constants, in words."""
 
     text: str
 

@@ -216,8 +216,8 @@ def _capacities(board: Board, rows: tuple[Capacity, ...], views: int) -> Table:
     """The table of the largest maps: for each width of weights and way of counting rows, two networks."""
     notes = (
         "places: with as many weights as real networks have; if every one: every input has a weight to every neuron",
-        "sparse: each weight with its index, as public sources count; dense: also rows without indices, which nobody "
-        "has shown on a board; nor has anybody shown weights of fewer than 8 bits with their sign (unproven, both)",
+        "sparse: each weight with its index, as public sources count; dense: also rows without indices; no public "
+        "source shows these, or weights of fewer than 8 bits with their sign, on a board (both unproven)",
         "the share of weights that are not 0, neurons, and what binds: --json FILE",
     )
     seen = f", each place in {views} views" if views > 1 else ""

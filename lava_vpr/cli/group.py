@@ -28,7 +28,7 @@ _REMEDIES = {
     errno.EAGAIN: "end other programs, or raise the limit on processes (ulimit -u)",
     errno.ENOMEM: "free some memory, or raise the limit on it (ulimit -v)",
 }
-"""What helps against an error of the system; the path and its permissions are looked at for all others."""
+"""Remedies for errors of the system by number; for others the path and its permissions are checked."""
 
 _NO_THREAD = "can't start new thread"  # all that `threading` says, as a RuntimeError
 _NO_MEMORY = ("failed to map segment", "cannot allocate memory", "Could not find/load shared object")
@@ -173,7 +173,7 @@ def _loading(command: str) -> Iterator[None]:
 
 
 def _told(error: OSError) -> str:
-    """An error of the system: what it is about, what is wrong, what helps."""
+    """An error of the system in one line: its path, its cause, a remedy."""
     where = f"{shown(os.fsdecode(error.filename))}: " if isinstance(error.filename, (str, bytes)) else ""
     if any(words in str(error) for words in _NO_MEMORY):
         return _out_of_memory(str(error))

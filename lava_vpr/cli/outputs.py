@@ -274,7 +274,7 @@ def draw_on_paper(folder: Path, page_of: Callable[[], str]) -> None:
     """Write the drawings of the page that ``page_of`` makes to ``folder``.
 
     Raises:
-        InputError: something stands there already, or it cannot be written.
+        InputError: the path exists, or it cannot be written.
     """
     from lava_vpr.show.svg import on_paper  # matplotlib takes a second to import
 

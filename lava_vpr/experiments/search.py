@@ -106,7 +106,7 @@ def cheapest(
         cost: What it costs, the most important figure first; None: it is not good enough.
         floor: What the first figure of its cost is at least.
     Yields:
-        A point, what it brings, and whether it is the cheapest so far.
+        A point, its measurement, and whether it is the cheapest so far.
     """
     least: tuple[float, ...] | None = None
     for point in points:

@@ -177,7 +177,7 @@ class Registry(Mapping[str, Row], Generic[Row]):
 
     @contextlib.contextmanager
     def spared(self, name: str) -> Iterator[None]:
-        """Give up, with a warning, what is done by the row ``name`` of a package and fails; nobody asked for it."""
+        """Skip with a warning the work of the row ``name`` of a package if it fails, since no user requested it."""
         try:
             yield
         except LavaVprError as error:

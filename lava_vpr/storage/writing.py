@@ -32,7 +32,7 @@ def read_only(path: Path) -> bool:
 
 
 def replaceable(path: Path) -> os.stat_result | None:
-    """What stands at ``path``, a link followed, if a new file may replace it; None if nothing stands there.
+    """The file at ``path``, a link followed, if a new file may replace it; None if there is none.
 
     Raises:
         OSError: it is no regular file, or it is `read_only`.
@@ -70,10 +70,10 @@ def leftovers(path: Path) -> list[Path]:
 def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
     """Let ``write`` fill a temporary file beside ``path``, then put it in place in one step.
 
-    A file that stood there hands on its permissions, and its owner where that is allowed.
+    A file that is replaced keeps its permissions, and its owner where that is allowed.
 
     Raises:
-        OSError: the folder is missing or closed to us, the disk is full, or what stands there may not be replaced;
+        OSError: the folder is missing or closed to us, the disk is full, or the file there may not be replaced;
             ``path`` is as it was.
     """
     before = replaceable(path)
@@ -155,7 +155,7 @@ def only_one(path: Path) -> Iterator[None]:
 
 
 def _locked(path: Path, lock: Path) -> int:
-    """`_held`, with errors that speak of ``path``."""
+    """`_held`, with errors that name ``path``."""
     try:
         return _held(lock)
     except BlockingIOError:
@@ -259,7 +259,7 @@ def new_folder(path: Path, what: str) -> Iterator[Path]:
     Yields:
         Where to make it.
     Raises:
-        InputError: something stands there already, or it cannot be written.
+        InputError: the path exists, or it cannot be written.
     """
     if os.path.lexists(path):
         raise InputError(f"{shown(path)}: exists, and {what} replaces nothing; remove it or name another folder")

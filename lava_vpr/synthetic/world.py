@@ -247,7 +247,7 @@ def _read_only(folder: Path) -> Path | None:
 
 
 def _install(new: Path, folder: Path, spare: Path) -> None:
-    """Move what is in ``new`` to ``folder``; what it replaces hands on its permissions and goes to ``spare``.
+    """Move what is in ``new`` to ``folder``; what it replaces is moved to ``spare``, and its permissions are kept.
 
     On failure it goes back.
     """

@@ -72,7 +72,7 @@ class RunTimes:
             self._held = child.held_by_family() or 0
 
     def arrays(self) -> Arrays:
-        """The results ``runs`` and ``held`` for the caller; none if nobody asked."""
+        """The results ``runs`` and ``held`` for the caller; empty unless requested."""
         if not self.wanted:
             return {}
         return {"runs": np.array(self._rows, np.float64).reshape(-1, 3), "held": np.array([self._held], np.int64)}

@@ -153,7 +153,7 @@ def test_equal_input_gives_equal_points() -> None:
 
 @pytest.mark.slow
 def test_a_cluster_measures_the_points_of_one_machine(tmp_path: Path) -> None:
-    """Eight at once, drawn as if the front stayed as it is; what is drawn from another front is drawn anew."""
+    """Eight at once, drawn as if the front stayed as it is; points drawn from another front are drawn again."""
     done: list[int] = []
     with DaskCluster(tmp_path) as made, connected(made.address) as cluster:
         again = sweep(case(), budget=10, pool=Pool(1, cluster), advance=done.append)

@@ -77,14 +77,14 @@ def test_what_is_up_to_date_is_not_computed_again(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         command.bring_up_to_date(old, [one, two], every=False)
     assert {*Record.read(file).kept} == {*names(one), *names(two)[:5]}
-    anew, other, all_of = ["two"] * 15, dataclasses.replace(two, tolerance=1), [one.name] * 15 + ["two"] * 15
+    again, other, all_of = ["two"] * 15, dataclasses.replace(two, tolerance=1), [one.name] * 15 + ["two"] * 15
     inhibited = dataclasses.replace(two, config=update(two.config, {"network": {"inhibition": 0.66}}))
     for last, every, computed in (
-        (two, False, anew[5:]),
+        (two, False, again[5:]),
         (two, False, []),
         (two, True, all_of),
-        (other, False, anew),
-        (inhibited, False, anew),
+        (other, False, again),
+        (inhibited, False, again),
     ):
         asked[:] = ["interrupted"]
         command.bring_up_to_date(Record.read(file, task=measured), [one, last], every)
@@ -145,7 +145,7 @@ def test_figures_are_shares_of_the_queries_that_were_asked() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", tables.KINDS)
 def test_a_section_of_each_row_is_what_the_file_says(kind: str, data_root: Path) -> None:
-    """The first section with the first seed, computed anew: figure for figure."""
+    """The first section with the first seed, computed again: figure for figure."""
     kept = Record.read()
     for row in tables.KINDS[kind]:
         place = row.sections[0], rows.SEEDS[0]

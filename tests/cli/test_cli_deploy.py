@@ -138,7 +138,7 @@ def test_on_loihi_2_inputs_integrate_a_bias_unless_asked(here: Path) -> None:
     assert "The host sends no spikes: inputs integrate a bias" in run("fit", *words).stdout
     assert "The host sends up to" in run("fit", *words, "--input-mode", "injected").stdout
     assert read(Path("b")).manifest["clearing"]["reset_interval"] == model.load("m.lvpr").config.network.steps
-    # A bundle stays as it is: it has no float weights to quantise anew.
+    # A bundle stays as it is: it has no float weights to quantise again.
     run("deploy", *words, "-o", "i", "--input-mode", "injected")
     run("deploy", "i", "--target", "loihi2", "-o", "again")
     assert read(Path("again")).manifest["input"]["mode"] == "injected"

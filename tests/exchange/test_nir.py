@@ -73,7 +73,7 @@ def test_without_references_a_model_lends_its_own(tmp_path: Path) -> None:
 
 
 def test_an_altered_graph_answers_with_its_own_numbers(tmp_path: Path) -> None:
-    """Weights that were trained on elsewhere: rounded in the same unit, responses measured anew."""
+    """Weights that were trained on elsewhere: rounded in the same unit, responses measured again."""
 
     def change(graph: nir.NIRGraph) -> None:
         graph.nodes["synapses"].weight[0] *= 0.7

@@ -213,7 +213,7 @@ def test_remove(kind: str, traverses: int, gone: list[int], tmp_path: Path) -> N
                 kept.append(neuron)
     np.testing.assert_array_equal(made.learned, whole.learned[:, kept])
     assert len(kept) < whole.neurons
-    # The network of these weights and references, made anew.
+    # The network of these weights and references, made again.
     rates = query_rates16(made.activity, made.config.encoder)
     weights = quantise.integer_weights(
         quantise.distinctive(np.ascontiguousarray(whole.learned[:, kept]), made.config.network),  # type: ignore[arg-type]

@@ -199,8 +199,8 @@ def test_an_interrupted_run_goes_on(folder: Path, monkeypatch: pytest.MonkeyPatc
     assert done == [1, 2]
     run("paper-table", *words, "--json", "on.json")
     assert done == [1, 2, 2]
-    run("paper-table", *words[:-2], "--json", "anew.json")
-    assert Path("on.json").read_bytes() == Path("anew.json").read_bytes()
+    run("paper-table", *words[:-2], "--json", "again.json")
+    assert Path("on.json").read_bytes() == Path("again.json").read_bytes()
 
 
 def test_what_is_kept_is_taken_for_the_same_images_settings_and_program_alone(

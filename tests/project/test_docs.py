@@ -120,9 +120,13 @@ TRANSLATED = (
     *("carried off", "is told on", "told apart", "what speaks against", "the house", "say for each"),
     *("so probable that", "lacks or garbles", " anew", "held against", "the wanted least", "is minded"),
     *("takes from every", "takes from all", "in the place of", "another thing", "mends that", "goes on where it"),
+    *("take the place of", "takes the place of", "is told of", "nobody asked", "hands on its", "by what for"),
+    *("what helps", "as people read", "as people say", "what it brings", "held at once", "nobody has shown"),
+    *("to be read with", "that speak of", "cannot be said in", "takes nothing of"),
 )
 """Turns that are no English of the field, which says kidnapped, reported, architecture, report, above, has no, again,
-compared with, threshold, ignored, inhibits, instead of, something else, repairs, continues."""
+compared with, threshold, ignored, inhibits, instead of, something else, repairs, continues, replaces, unless requested,
+keeps, by purpose, remedies, in words, recall or gain, in memory at once, no public source shows, name, is free."""
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -139,7 +143,7 @@ def texts(node: ast.AST) -> list[str]:
     return ["".join(found)] if isinstance(node, ast.JoinedStr) else found
 
 
-@pytest.mark.parametrize("room", ["lava_vpr", "processes", "deploy"])
+@pytest.mark.parametrize("room", ["lava_vpr", "processes", "deploy", "benchmarks", "scripts"])
 def test_docstrings_and_messages_speak_the_fields_english(room: str) -> None:
     said = [
         (path.name, text)

@@ -187,8 +187,8 @@ def test_what_it_may_cost_is_bounded_before(tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(
         InputError, match=r"has 5,368,709,120 bytes, more than the 4,294,967,296 allowed; .*ARRAY_BYTES"
     ):
-        read_array(path, "write it anew")
+        read_array(path, "write it again")
     path.write_bytes(npy(np.zeros(4)))
     monkeypatch.setenv("LAVA_VPR_MAX_ARRAY_BYTES", "100")
     with pytest.raises(InputError, match="has 160 bytes, more than the 100 allowed"):
-        read_array(path, "write it anew")
+        read_array(path, "write it again")

@@ -1,4 +1,4 @@
-"""What a presentation of the spiking front end costs, counted anew synapse by synapse and core by core."""
+"""What a presentation of the spiking front end costs, counted again synapse by synapse and core by core."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The spiking front end on cores: what each holds, counted anew, what binds, and what a board cannot hold."""
+"""The spiking front end on cores: what each holds, counted again, which limit binds, and what a board cannot hold."""
 
 from __future__ import annotations
 

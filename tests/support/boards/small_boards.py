@@ -119,7 +119,7 @@ def literal_needs(plan: Plan, core: CorePlan) -> dict[str, int]:
 
 
 def check_plan(plan: Plan) -> None:
-    """Every neuron stands once, every need is what is counted anew, and every limit holds."""
+    """Every neuron stands once, every need equals its second count, and every limit holds."""
     made, board = plan.network, plan.board
     sizes = {
         "exc": made.neurons,

@@ -192,7 +192,7 @@ def written_again(model: Model, path: Path) -> None:
 
 
 MEASURED = {"responses", "calibration"}
-"""What deployment measures anew, by the network that it deploys."""
+"""What deployment measures again, by the network that it deploys."""
 
 
 def read_model(case: Case, corpus: Corpus, path: Path) -> None:

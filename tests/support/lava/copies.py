@@ -1,7 +1,7 @@
-"""Workers of `run_isolated` as copies (fork) of a process that has imported Lava, instead of Pythons that start anew.
+"""Workers of `run_isolated` as copies (fork) of a process that has imported Lava, instead of freshly started Pythons.
 
 All else is the worker's own: the keeper, its group and session, what it watches and what it ends. The first worker of
-each environment, search path included, is a Python that starts anew, and so is every one of tests/isolated.
+each environment, search path included, is a freshly started Python, and so is every one of tests/isolated.
 
 Used by conftest.
 """

@@ -46,7 +46,7 @@ class Drive:
         references: Activity of each place.
         most, spikes: Inputs of a query, and input spikes a step.
         tau: Time constant of adaptation.
-        epoch: Answers that teach until gains are made anew.
+        epoch: Answers that teach until gains are computed again.
         remembered: Answers whose confidence is remembered.
         recent, enough: Of the last answers, how many must be sure.
     """
