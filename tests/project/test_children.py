@@ -52,7 +52,10 @@ def endless(path: str, source: str) -> list[str]:
             found.append(f"{path}:{node.lineno}: {ast.unparse(node)}")
         if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute):
             continue
-        owner, name = ast.unparse(node.func.value), node.func.attr
+        name = node.func.attr
+        if name not in {"wait", "join"}.union(*STARTS.values()):
+            continue
+        owner = ast.unparse(node.func.value)
         limited = any(word.arg == "timeout" for word in node.keywords)
         waits = name in ("wait", "join") and not node.args and not path.startswith(STANDINS)
         starts = name in STARTS.get(owner, ()) and path not in (ONE_PLACE, *ELSEWHERE)

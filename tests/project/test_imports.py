@@ -1,8 +1,7 @@
-"""Imports go one way: the linter's reader sees every module of the tree, and a forbidden import is refused."""
+"""Imports go one way: the linter of `make lint` sees every module of the tree, and refuses a forbidden import."""
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -31,11 +30,6 @@ def farm(place: Path, changed: Mapping[str, str] = MappingProxyType({})) -> Path
     return place
 
 
-def lint(place: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", CALL, "--config", str(ROOT / "pyproject.toml"), "--no-cache"]
-    return children.run(command, cwd=place, capture_output=True, text=True, timeout=120)
-
-
 def test_the_reader_sees_every_module(tmp_path: Path) -> None:
     """import-linter leaves out the mapped packages of an editable install without a word; not so in a copy."""
     program = "import grimp; print(*sorted(grimp.build_graph('lava_vpr', cache_dir=None).modules))"
@@ -50,12 +44,6 @@ def test_the_reader_sees_every_module(tmp_path: Path) -> None:
     assert seen == here, done.stderr
     assert len([name for name in seen if name.startswith("lava_vpr.processes.")]) > 25
     assert len([name for name in seen if name.startswith("lava_vpr.deploy.")]) > 25
-
-
-def test_the_tree_keeps_every_contract(tmp_path: Path) -> None:
-    done = lint(farm(tmp_path))
-    assert done.returncode == 0, done.stdout
-    assert "0 broken" in done.stdout
 
 
 FORBIDDEN = {
@@ -78,7 +66,9 @@ FORBIDDEN = {
 
 
 def test_forbidden_imports_are_refused(tmp_path: Path) -> None:
-    done = lint(farm(tmp_path, {module: line for module, (line, _) in FORBIDDEN.items()}))
+    place = farm(tmp_path, {module: line for module, (line, _) in FORBIDDEN.items()})
+    command = [sys.executable, "-c", CALL, "--config", str(ROOT / "pyproject.toml"), "--no-cache"]
+    done = children.run(command, cwd=place, capture_output=True, text=True, timeout=120)
     assert done.returncode == 1, done.stderr
     said = " ".join(done.stdout.split())
     for _, refusal in FORBIDDEN.values():
