@@ -151,8 +151,7 @@ site: .venv-docs/.installed links ## Build the documentation as a site into site
 	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet --strict && echo "site/index.html"
 
 pictures: $(STAMP) ## Compute the pictures of README and docs again
-	@$(BIN)/python scripts/draw_drive.py && $(BIN)/python scripts/draw_concepts.py && $(BIN)/python scripts/draw_season.py
-	@$(BIN)/python scripts/draw_front_end.py
+	@$(BIN)/python scripts/draw.py
 
 wheel: $(STAMP) ## Build the wheel into dist/
 	@rm -rf dist build && $(BIN)/python -m build --quiet --no-isolation --wheel .
