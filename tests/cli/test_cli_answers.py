@@ -382,10 +382,11 @@ def test_pages_draw_a_spiking_front_end_and_no_other(here: Path) -> None:
 
 def test_the_drawings_as_files(here: Path) -> None:
     """They are those of the page, which is the same with them and without, in colours that need no page."""
-    told = run("eval", "m.lvpr", "query", "--report", "r", "--figures", "figures").stdout
+    words = ("eval", "m.lvpr", "query", "--baseline", "template")
+    told = run(*words, "--report", "r", "--figures", "figures").stdout
     assert told.endswith(f"report: {Path('r/report.html')}\nfigures: figures\n")
     page = Path("r/report.html").read_text()
-    run("eval", "m.lvpr", "query", "--report", "again")
+    run(*words, "--report", "again")
     assert Path("again/report.html").read_text() == page
     drawn = {path.name: path.read_bytes() for path in Path("figures").iterdir()}
     prefixes = set(re.findall(r'<svg role="img".*?<g id="(\w+)-figure_1">', page, re.DOTALL))
@@ -402,7 +403,7 @@ def test_the_drawings_as_files(here: Path) -> None:
     assert "exists, and a folder of figures replaces nothing" in fails(
         "eval", "m.lvpr", "query", "--figures", "figures"
     )
-    run("eval", "m.lvpr", "query", "--figures", "alone")
+    run(*words, "--figures", "alone")
     assert {path.name: path.read_bytes() for path in Path("alone").iterdir()} == drawn
 
 

@@ -79,7 +79,7 @@ FAILED = "of the package wicked 1.2 failed (RuntimeError: out of order); update 
 def test_a_decoder_that_fails_is_left_out_of_eval_and_ends_what_asks_for_it(
     install: Install, here: Path, attribute: str, said: str
 ) -> None:
-    wanted = figures("query", "--report", "before.html")["decoders"]
+    wanted = figures("query")["decoders"]
     install("wicked", "lava_vpr.decoders", {"evil": attribute}, FAILING)
     result = run("eval", "m.lvpr", "query", "--json", "f.json", "--report", "after.html")
     assert result.stderr == f"note: {said}\n"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -25,11 +26,18 @@ LEARN = ("train", "reference", "--input", "frontend-direct", "--learning", "temp
 ELSEWHERE = "these neurons hear the cells of the front end themselves"
 
 
-@pytest.fixture
-def direct(here: Path) -> Path:
+@pytest.fixture(scope="module")
+def learned(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A model of the small route."""
-    run(*LEARN, "-o", "d.lvpr")
-    return here / "d.lvpr"
+    file = tmp_path_factory.mktemp("direct") / "d.lvpr"
+    run("train", made / "reference", *LEARN[2:], "-o", file)
+    return file
+
+
+@pytest.fixture
+def direct(here: Path, learned: Path) -> Path:
+    """The model in a folder of its own."""
+    return Path(shutil.copy(learned, here))
 
 
 def answers(*words: object) -> list[dict[str, str]]:
