@@ -12,6 +12,7 @@ import shutil
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.common import children
@@ -68,6 +69,19 @@ def visit(page: Path | str, *, size: str = "1200,1600", screenshot: Path | None 
     return Visit(done.stdout.decode("utf-8", "replace"), console)
 
 
+_POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
+
+
+def acted(text: str, actions: str, folder: Path) -> dict[str, Any]:
+    """What a script finds that acts on a copy of a page: the page's policy, by hash, allows its own script only."""
+    (folder / "acted.html").write_text(_POLICY.sub("", text).replace("</body>", f"<script>{actions}</script></body>"))
+    result = visit(folder / "acted.html", size="500,900")
+    assert result.console == ()
+    found = re.search(r"FOUND(\{.*\})", result.dom)
+    assert found, result.dom[-500:]
+    return dict(json.loads(found[1]))
+
+
 PHONE = 400
 """Width of a phone's screen, in CSS pixels."""
 _MEASURE = """setTimeout(() => {
@@ -104,7 +118,7 @@ def on_phone(text: str, folder: Path, *, says: str = "h1", stub: str = "") -> On
         says: Selector of an element.
         stub: HTML that takes the policy's place.
     """
-    text = re.sub(r'<meta http-equiv="Content-Security-Policy"[^>]*>', lambda _: stub, text)
+    text = _POLICY.sub(lambda _: stub, text)
     measure = _MEASURE.replace("SAYS", json.dumps(says))
     (folder / "inner.html").write_text(text.replace("</body>", f"<script>{measure}</script></body>"), encoding="utf-8")
     told = "onmessage = (e) => { document.body.textContent = 'FOUND' + JSON.stringify(e.data); }"
