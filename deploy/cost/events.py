@@ -7,9 +7,9 @@ and the sum counts in the next.
 **What is an update.** Every mapped compartment is accessed in every step, and updated under one of two definitions:
 
 - `EventCounts.updates`, as the register-level simulation counts: the sum that arrived, the membrane or the bias is not
-  0. A neuron with a bias is updated in every step. - `EventCounts.touched`, as SANA-FE 2.2.9 counts (``models.cpp``,
-     ``LoihiLifModel::update``): a stored synapse was delivered to the compartment, even if its weight or the sum of all
-     is 0, or membrane or bias is not 0.
+  0. A neuron with a bias is updated in every step.
+- `EventCounts.touched`, as SANA-FE 2.2.9 counts (``models.cpp``, ``LoihiLifModel::update``): a stored synapse was
+  delivered to the compartment, even if its weight or the sum of all is 0, or membrane or bias is not 0.
 
 The two differ by a handful in a million. Inhibitory neurons, and relays of injected spikes, have no memory: they are
 updated when a spike arrives, and spike in that step. Directly injected inputs have no compartments, so none are

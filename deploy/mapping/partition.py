@@ -3,9 +3,10 @@
 The strategy, for k cores that hold excitatory neurons in consecutive ranges:
 
 1. **The least k.** The needs of a range (compartments, axons, words with each row in its smaller format) grow with the
-range. So k cores reach the farthest neuron if each takes as many neurons as fit. 2. **Even ranges.** The k ranges are
-equal where that fits, else the longest is as short as possible. 3. **Inhibitory neurons**, then **input compartments**
-(relays, or what integrates a bias) are placed beside them as far as there is room, the others on cores of their own.
+   range. So k cores reach the farthest neuron if each takes as many neurons as fit.
+2. **Even ranges.** The k ranges are equal where that fits, else the longest is as short as possible.
+3. **Inhibitory neurons**, then **input compartments** (relays, or what integrates a bias) are placed beside them as far
+   as there is room, the others on cores of their own.
 
 Larger k are tried as long as they can reduce the total of cores: more cores with excitatory neurons leave more room
 beside these. Of the layouts on the fewest cores the one with the fewest operations is chosen, then the one with the

@@ -264,8 +264,8 @@ def host_spikes(network: FixedNetwork, rates: NDArray[np.float64]) -> float:
 
     Inputs spike in a given step independently of each other, by their own draws or by regular trains with drawn phases.
     So with spike probabilities p the variance is the sum of p (1 - p). A regular train makes the sum over many steps
-    nearly constant, but not one step's sum over many inputs. p is the rate r of a draw; of a regular train it is r / (1
-    - r / 2) in all steps of an interval but the last, since start membranes, not phases, are uniform.
+    nearly constant, but not one step's sum over many inputs. p is the rate r of a draw; of a regular train it is
+    r / (1 - r / 2) in all steps of an interval but the last, since start membranes, not phases, are uniform.
     """
     return 0.0 if network.bias_input else _most_spikes(network, rates, 1.0)
 

@@ -66,9 +66,11 @@ class CoreImage:
 
 @dataclass(frozen=True)
 class HostTables:
-    """The addresses of the network for the host. Attributes: injection: Input, chip, core and input axon that its
-    spikes are injected into, int32 (axons, 4), by input: to every core with a weight of that input, or to its relay;
-    empty if inputs integrate a bias.
+    """The addresses of the network for the host.
+
+    Attributes:
+        injection: Input, chip, core and input axon that its spikes are injected into, int32 (axons, 4), by input: to
+            every core with a weight of that input, or to its relay; empty if inputs integrate a bias.
         inputs: Chip, core and compartment of each input's bias or relay, int32 (inputs, 3); empty if there are none.
         exc, counters, inh: Chip, core and compartment of each excitatory neuron, of its counter, and of each inhibitory
             neuron, int32 (neurons, 3).

@@ -3,9 +3,9 @@
 A row, the synapses of one input axon, is a sequence of blocks of at most 64 synapses, each block rounded up to whole
 words. Fields are stored from the least significant bit on:
 
-- 4 bits for the synapse format, 6 bits for the number of synapses in this block minus 1; then for each synapse - as
-many bits as the format has for indices: compartment; a dense format has none, and goes 0, 1, 2 .. through the row - as
-many bits as the format has for weights: weight and sign, in two's complement.
+- 4 bits for the synapse format, 6 bits for the number of synapses in this block minus 1; then for each synapse
+- as many bits as the format has for indices: compartment; a dense format has none, and goes 0, 1, 2 .. through the row
+- as many bits as the format has for weights: weight and sign, in two's complement.
 
 Every weight has its own sign (fanoutType 1), as in everything that nengo-loihi writes. Formats with one sign for all
 weights exist, but no public source shows them.

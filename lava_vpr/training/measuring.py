@@ -85,8 +85,10 @@ def measured(model: IntegerModel, pool: Pool = ONE_THREAD) -> Calibration:
 
 
 class Question(NamedTuple):
-    """Presentations to a network whose right answers are known. Attributes: places: The place that each presentation
-    shows, int64 (presentations,); -1: no place of the network.
+    """Presentations to a network whose right answers are known.
+
+    Attributes:
+        places: The place that each presentation shows, int64 (presentations,); -1: no place of the network.
         block: Makes the presentations.
         scores: Computes the scores of the places from spike counts.
         kinds: The `KINDS` of a right and of a wrong answer.

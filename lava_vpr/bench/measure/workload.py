@@ -5,15 +5,16 @@ Nature Communications 16:1545 (2025), and where the text leaves it open, the pac
 (`benchmarks.neurobench.metrics` compares every figure with it). For this network that means:
 
 * **Layers** are the synapses inputs -> exc (inputs x neurons), exc -> inh (one for each neuron), leaves -> root (one
-for each leaf) and root -> exc (one for each neuron), and the neurons exc and inh. Inputs that integrate a bias are
-neurons, too; so are relays, with one synapse for each injected input. Injected inputs themselves are data. *
-**Footprint**: bytes of all weights as stored, of the biases, if any, and of the membranes (int32). Zeros count.
-**Parameters** are these weights and biases. * **Connection sparsity**: zeros among the weights of all synapses.
-**Activation sparsity**: one minus spikes per neuron and step, over all neurons and steps. * **Synaptic operations**:
-every spike, input or not, times its weights that are not 0. Inputs of synapses are 0 or 1, so all of these are
-accumulates, none multiply-accumulates. **Dense**: all weights in every step. * **Membrane updates**: all neurons in the
-first step, later those whose membrane changes in a step. A neuron of inh, or a relay, that spikes and is reset within
-one step does not count.
+  for each leaf) and root -> exc (one for each neuron), and the neurons exc and inh. Inputs that integrate a bias are
+  neurons, too; so are relays, with one synapse for each injected input. Injected inputs themselves are data.
+* **Footprint**: bytes of all weights as stored, of the biases, if any, and of the membranes (int32). Zeros count.
+  **Parameters** are these weights and biases.
+* **Connection sparsity**: zeros among the weights of all synapses. **Activation sparsity**: one minus spikes per neuron
+  and step, over all neurons and steps.
+* **Synaptic operations**: every spike, input or not, times its weights that are not 0. Inputs of synapses are 0 or 1,
+  so all of these are accumulates, none multiply-accumulates. **Dense**: all weights in every step.
+* **Membrane updates**: all neurons in the first step, later those whose membrane changes in a step. A neuron of inh, or
+  a relay, that spikes and is reset within one step does not count.
 """
 
 from __future__ import annotations
