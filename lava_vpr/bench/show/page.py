@@ -6,8 +6,9 @@ from collections.abc import Iterable
 
 from lava_vpr.bench.results import AnsweringWay, Bench, Modelled
 from lava_vpr.bench.show import plots
+from lava_vpr.bench.show.costs import title_of
 from lava_vpr.bench.show.json_values import absent, assumptions, percentiles
-from lava_vpr.bench.show.tables import DYNAMIC, WHOLE, WITHOUT_ENCODING, sections, title_of
+from lava_vpr.bench.show.tables import DYNAMIC, WHOLE, WITHOUT_ENCODING, sections
 from lava_vpr.report import trust
 from lava_vpr.report.build import map_of
 from lava_vpr.report.sections import where

@@ -5,20 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lava_vpr.bench.results import AnsweringWay, Bench, BoardFigures, Modelled
+from lava_vpr.bench.show.costs import asked_for, cores_in_use, estimated, title_of
 from lava_vpr.bench.show.json_values import absent
-from lava_vpr.bench.show.tables import (
-    WATTS,
-    asked_for,
-    cores_in_use,
-    estimated,
-    heading,
-    on_boards,
-    peers,
-    recall,
-    sweep,
-    timings,
-    title_of,
-)
+from lava_vpr.bench.show.tables import WATTS, heading, on_boards, peers, recall, sweep, timings
 from lava_vpr.show.numbers import percent, ranged
 from lava_vpr.show.table import Table
 
