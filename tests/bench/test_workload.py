@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.boards.small_boards import network
+from support.boards.plans import network
 from support.common.small_models import encoded, small_model
 
 from benchmarks.neurobench import metrics

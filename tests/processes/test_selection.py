@@ -17,7 +17,7 @@ import pytest
 from lava.magma.core.model.sub.model import AbstractSubProcessModel
 from numpy.typing import NDArray
 from support.boards.loihi2_bundles import STANDIN
-from support.lava.selection_targets import MADE
+from support.lava.process_targets import MADE
 
 from lava_vpr import processes
 from lava_vpr.deploy.hardware.table import BELIEFS
@@ -26,7 +26,7 @@ from lava_vpr.isolated.runner import run_isolated
 
 pytestmark = pytest.mark.lava
 
-TARGETS = "support.lava.selection_targets"
+TARGETS = "support.lava.process_targets"
 CHIP = {
     "lava.proc.lif.process.LIF": "LIF has a model for the chip",
     "lava.proc.lif.process.LIFReset": "Dense and LIFReset have models for the chip",

@@ -1,4 +1,5 @@
-"""Pages are what records and code say: every generated part is up to date, and none is lost. Nothing is timed."""
+"""Pages are what records and code say: every generated part is up to date, and none is lost. Nothing is timed. Their
+prose is wrapped at 120 characters, and says what it said."""
 
 from __future__ import annotations
 
@@ -18,6 +19,7 @@ from lava_vpr.cli import main
 from lava_vpr.config import LifNetwork, preset
 from lava_vpr.errors import InputError
 from scripts import pages, parts
+from scripts.wrapping import WIDTH, wrapped
 
 PAGE = Path("page.md")
 TEXTS = {path: path.read_text(encoding="utf-8") for path in pages.pages()}
@@ -142,3 +144,49 @@ def test_presets_are_alike_in_what_the_page_does_not_name() -> None:
         for key in LifNetwork.__dataclass_fields__.keys() - told:
             assert getattr(own.network, key) == getattr(default.network, key), key
         assert own.learning == default.learning
+
+
+WORDS = "a robot has driven a route and later sees one image " * 4
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        f"| {WORDS} |",
+        f"# {WORDS}",
+        f"```sh\n{WORDS}\n```",
+        f"    {WORDS}",
+        f"![{WORDS}](a.png)",
+        f"<!-- {WORDS} -->",
+        f"---\ntitle: {WORDS}\n---",
+        "short lines\nthat somebody broke",
+        f"a line that ends with a break  \n{WORDS}",
+    ],
+)
+def test_what_is_no_long_prose_stays(block: str) -> None:
+    assert wrapped(block) == block
+
+
+@pytest.mark.parametrize(("begin", "indent"), [("", ""), ("- ", "  "), ("12. ", "    "), ("  - ", "    ")])
+def test_prose_is_wrapped_with_its_indent(begin: str, indent: str) -> None:
+    made = wrapped(f"before\n\n{begin}{WORDS}\n- next").split("\n")
+    assert made[:2] == ["before", ""]
+    assert made[-1] == "- next"
+    assert made[2].startswith(begin)
+    assert all(line.startswith(indent) and len(line) <= WIDTH for line in made[3:-1])
+    assert " ".join(line.strip() for line in made[2:-1]) == (begin + WORDS).strip()
+
+
+@pytest.mark.parametrize("mark", ["-", "+", ">=", "#", "2.", "|"])
+def test_no_line_begins_with_what_would_be_a_mark(mark: str) -> None:
+    for before in range(90, 130):
+        made = wrapped(f"{'x' * before} {mark} {WORDS}")
+        assert not any(line.startswith(mark) for line in made.split("\n"))
+
+
+def test_no_page_has_long_lines_of_prose() -> None:
+    """But a word, a link or a picture that is longer, and what is indented as code."""
+    for path in pages.pages():
+        text = re.sub(r"(?s)```.*?```", "", path.read_text(encoding="utf-8"))
+        long = [line for line in text.split("\n") if len(line) > WIDTH and not re.match(r"\||#|!\[|<|    ", line)]
+        assert [line for line in long if " " in line[3:].strip()] == [], path

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.boards.plans import busy_plan, trains_of
-from support.boards.small_boards import even, network as small_network
+from support.boards.plans import busy_plan, even, network as small_network, trains_of
 from support.common.small_models import encoded, small_model
 
 from lava_vpr import loihi

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.boards.plans import busy_plan, random_network, simple_plan, trains_of
-from support.boards.small_boards import even, network as small_network, tiny
+from support.boards.plans import busy_plan, even, network as small_network, random_network, simple_plan, tiny, trains_of
 
 from lava_vpr.deploy.boards.board import LOIHI_2
 from lava_vpr.deploy.boards.plan import Plan

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.boards.small_boards import LIMITS, check_images, check_plan, even, network, tiny
+from support.boards.plans import LIMITS, check_images, check_plan, even, network, tiny
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.boards.memory import PackedRows

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from support.boards.small_boards import check_images, check_plan, even, network, parts_of, tiny
+from support.boards.plans import check_images, check_plan, even, network, parts_of, tiny
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, Mesh
 from lava_vpr.deploy.boards.plan import Plan

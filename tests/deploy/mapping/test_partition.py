@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from support.boards.small_boards import (
+from support.boards.plans import (
     check_images,
     check_plan,
     even,

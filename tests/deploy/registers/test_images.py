@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.boards.plans import LOAD, NEEDS, random_network, simple_plan
-from support.boards.small_boards import even, network
+from support.boards.plans import LOAD, NEEDS, even, network, random_network, simple_plan
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.plan import CorePlan, Plan, PopulationPart
