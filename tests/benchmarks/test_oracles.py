@@ -18,7 +18,7 @@ from support.common.teaching import teach_quickly
 
 from benchmarks import program
 from benchmarks.learning.replayed import gained
-from benchmarks.oracles import compare as oracles
+from benchmarks.oracles import compare as oracles, needs, registers
 from benchmarks.oracles.compare import OracleCase, ask, failures, judge
 from benchmarks.oracles.inference import SMALL, inference, inference_problem, made_up, small_inference
 from benchmarks.oracles.networks import DIALECTS, edge_networks, is_common, random_networks, reaches_limits
@@ -66,20 +66,6 @@ def test_the_plain_arithmetic_equals_the_engine(cases: tuple[str, list[OracleCas
     for case in cases[1]:
         assert case.expected.spikes.any()
         assert not literal(case.problem).differs(case.expected)
-
-
-def test_no_rule_touches_a_common_network(cases: tuple[str, list[OracleCase]]) -> None:
-    simulator, made = cases
-    assert sum(case.common for case in made) >= 4
-    for case in made:
-        changed = literal(case.problem, RULES[simulator]).differs(case.expected)
-        assert changed is not case.common
-        assert is_common(case.problem, case.expected, simulator) is case.common
-
-
-def test_some_common_networks_reach_the_ends_of_the_registers() -> None:
-    for problem, expected in random_networks("nengo-loihi", 2, common=True, limits=True):
-        assert reaches_limits(problem, expected)
 
 
 def test_random_networks_repeat_with_their_seed() -> None:
@@ -309,16 +295,28 @@ def test_a_silent_network_or_a_wrong_engine_is_a_failure() -> None:
     ]
 
 
-@pytest.mark.parametrize("simulator", SIMULATORS)
-def test_scripts_need_nothing_of_this_project_and_versions_are_pinned(simulator: str) -> None:
+@pytest.mark.parametrize(
+    ("script", "own"),
+    [
+        (oracles.SCRIPTS["brian2-loihi"], {"brian2", "brian2_loihi"}),
+        (oracles.SCRIPTS["nengo-loihi"], {"nengo_loihi"}),
+        (registers.SCRIPT, {"nengo_loihi"}),
+        (needs.SCRIPT, {"nengo", "nengo_loihi"}),
+    ],
+    ids=lambda value: getattr(value, "stem", ""),
+)
+def test_scripts_need_nothing_of_this_project(script: Path, own: set[str]) -> None:
     names = set()
-    for node in ast.walk(ast.parse(oracles.SCRIPTS[simulator].read_text())):
+    for node in ast.walk(ast.parse(script.read_text())):
         if isinstance(node, ast.Import):
             names |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             names.add(str(node.module).split(".")[0])
-    own = {"brian2", "brian2_loihi"} if simulator == "brian2-loihi" else {"nengo_loihi"}
     assert names - set(sys.stdlib_module_names) == own | {"numpy"}
+
+
+@pytest.mark.parametrize("simulator", SIMULATORS)
+def test_versions_are_pinned(simulator: str) -> None:
     lines = (program.ROOT / "benchmarks" / "oracles" / f"{simulator}.txt").read_text().splitlines()
     pinned = [line for line in lines if not line.startswith("#")]
     assert any(line.startswith(f"{simulator}==") for line in pinned)

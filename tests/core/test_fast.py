@@ -16,8 +16,7 @@ from lava_vpr.deploy.bundle.compression import requantised
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.mapping.sizing import DEVIATIONS
 from lava_vpr.encoding import query_rates, rates16
-from lava_vpr.engine.inference.quantise import distinctive, pruned, unit_norm
-from lava_vpr.errors import ConfigError
+from lava_vpr.engine.inference.quantise import distinctive, unit_norm
 from lava_vpr.loihi import HOST_SPIKES
 from lava_vpr.model import Model
 from lava_vpr.training.loop import train
@@ -81,13 +80,6 @@ def test_what_is_common_goes_and_then_the_smallest(learned: np.ndarray, signed: 
         scale = np.linalg.norm(expected[kept, k])
         assert np.allclose(result[kept, k], expected[kept, k] / scale, atol=1e-9)
     assert np.allclose(np.linalg.norm(result, axis=0), 1.0)
-
-
-def test_nothing_of_its_own_is_refused() -> None:
-    with pytest.raises(ConfigError, match="all neurons have learned the same"):
-        distinctive(np.ones((6, 3), np.float32), LifNetwork())
-    with pytest.raises(ConfigError, match=r"share of pruned weights is 1\.5"):
-        pruned(np.ones((2, 2)), 1.5)
 
 
 def test_the_host_can_send_its_spikes() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from functools import lru_cache
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from benchmarks.results.rows import Figures, measure
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
 from lava_vpr.encoding import Keep, encode_traverse, encoded_batches
-from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import cores
 from lava_vpr.inputs.views import STRAIGHT
 from lava_vpr.matching.baselines import sad_distances
@@ -139,17 +137,6 @@ def test_no_seed_and_no_section_is_an_accident() -> None:
         assert figures("network", *places)[0] >= 0.83
     for found in all_sections().values():
         assert np.all(np.greater(found["network"], found["sad"]))
-
-
-@pytest.mark.data
-@pytest.mark.slow
-def test_weights_are_few_bits_and_every_neuron_alike() -> None:
-    for seed in SEEDS:
-        network = learn(SECTIONS[0], dataclasses.replace(CONFIG, seed=seed)).network
-        assert isinstance(network, FixedNetwork)
-        assert network.bits <= 4
-        assert int(network.weights.max()) < 1 << network.bits
-        assert network.neurons == 100
 
 
 @pytest.mark.data

@@ -23,7 +23,6 @@ from lava_vpr.engine.inference.quantise import (
     own_drives,
     pruned,
     quantise,
-    unit_norm,
 )
 from lava_vpr.engine.inference.surroundings import Shown
 from lava_vpr.errors import ConfigError, NetworkLimitError
@@ -75,13 +74,6 @@ def drives(weights: NDArray[np.int16], shown: Sequence[Shown]) -> tuple[list[Fra
     return own, [one / sum(len(part.rates) for part in shown) for one in total]
 
 
-def test_unsigned_weights_have_norm_one() -> None:
-    found = distinctive(learned() * np.linspace(0.5, 2, PLACES, dtype=np.float32), UNSIGNED)
-    assert np.allclose(np.linalg.norm(found, axis=0), 1)
-    assert np.allclose(found, unit_norm(learned()), rtol=1e-6)
-    assert found.min() >= 0
-
-
 def test_signed_weights_are_what_all_neurons_do_not_share() -> None:
     given = learned()
     given[:, 5] = 0
@@ -117,14 +109,6 @@ def test_the_smallest_magnitudes_are_pruned() -> None:
     for share in (-0.1, 1.0, float("nan")):
         with pytest.raises(ConfigError, match=r"must be in \[0, 1\); choose a smaller one"):
             pruned(given, share)
-    for settings in (LifNetwork(prune=0.6), replace(UNSIGNED, prune=0.6)):
-        all_of_them = distinctive(learned(), replace(settings, prune=0.0))
-        found = distinctive(learned(), settings)
-        assert (np.count_nonzero(found, axis=0) == round(0.4 * INPUTS)).all()
-        assert np.allclose(np.linalg.norm(found, axis=0), 1)
-        for i in range(PLACES):
-            gone, kept = (np.abs(all_of_them[select, i]) for select in (found[:, i] == 0, found[:, i] != 0))
-            assert gone.max() <= kept.min()
 
 
 @pytest.mark.parametrize("bits", range(1, 9))

@@ -57,12 +57,6 @@ def test_it_is_a_notebook_of_format_4(name: str) -> None:
 
 
 @EACH
-def test_code_compiles(name: str) -> None:
-    for number, cell in enumerate(CODE[name]):
-        compile(source(cell), f"{name}, cell {number}", "exec")
-
-
-@EACH
 def test_imports_lead_somewhere(name: str) -> None:
     for cell in CODE[name]:
         for node in ast.walk(ast.parse(source(cell))):
