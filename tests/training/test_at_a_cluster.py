@@ -19,7 +19,6 @@ from lava_vpr.config import Config
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine import blocks
-from lava_vpr.errors import ClusterError
 from lava_vpr.model import Model
 from lava_vpr.recognition import EVERYTHING, as_json, recognise
 from lava_vpr.storage import container
@@ -94,29 +93,6 @@ def test_training_goes_on_at_the_cluster_from_whole_epochs(at: Connection, tmp_p
         train(shown, config, checkpoint=checkpoint, interval=0.0, progress=some)
     assert 0 < sum(container.load(checkpoint, "checkpoint")[0]["epochs"].values()) < config.learning.epochs
     resumed = train(shown, config, checkpoint=checkpoint, resume=True, pool=Pool(1, at))
-    assert saved(resumed, tmp_path) == saved(train(shown, config), tmp_path)
-
-
-@pytest.mark.slow
-def test_a_lost_scheduler_leaves_the_stretches_that_had_come_back(tmp_path: Path) -> None:
-    """They are in the checkpoint whole, and training goes on from it on one machine."""
-    config, shown = cases()["integers"]
-    checkpoint = tmp_path / "a.checkpoint"
-
-    def one(standing: Standing) -> None:
-        if standing.done == 1:
-            own.scheduler.kill()
-            own.scheduler.wait(60)
-
-    lost = pytest.raises(ClusterError, match="the scheduler was lost")
-    with DaskCluster(tmp_path, workers=1) as own, connected(own.address, one) as found, lost:
-        train(shown, config, checkpoint=checkpoint, pool=Pool(1, found))
-    done = container.load(checkpoint, "checkpoint")[0]["epochs"]
-    assert set(done.values()) == {config.learning.epochs}
-    assert len(done) < 3
-    told: list[dict[int, int]] = []
-    resumed = train(shown, config, checkpoint=checkpoint, resume=True, resumed=told.append)
-    assert told == [{int(number): epochs for number, epochs in done.items()}]
     assert saved(resumed, tmp_path) == saved(train(shown, config), tmp_path)
 
 
