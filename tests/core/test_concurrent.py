@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 from support.common import children
+from support.common.commands import run
 from support.common.imagefiles import write_images
 
 SLOW = "[network]\nsteps = 128\n[learning]\nsteps = 100\nepochs = 10000\n"
@@ -20,6 +21,11 @@ QUICK = SLOW.replace("10000", "2")
 
 def command(*words: object) -> list[str]:
     return [sys.executable, "-m", "lava_vpr", *map(str, words)]
+
+
+def learn(folder: Path) -> None:
+    """The model ``m.lvpr``, learned in this process."""
+    run("train", folder / "ref", "-o", folder / "m.lvpr", "--config", folder / "quick.toml")
 
 
 @pytest.fixture
@@ -45,12 +51,12 @@ def test_a_second_training_of_the_same_model_is_refused(here: Path) -> None:
         )
     # A killed training holds nothing back.
     (here / "m.lvpr.checkpoint").unlink(missing_ok=True)
-    children.run(command("train", "ref", "-o", "m.lvpr", "--config", "quick.toml"), cwd=here, check=True)
+    learn(here)
     assert sorted(path.name for path in here.iterdir()) == ["m.lvpr", "quick.toml", "ref", "slow.toml"]
 
 
 def test_a_reader_who_goes_away_loses_nothing(here: Path) -> None:
-    children.run(command("train", "ref", "-o", "m.lvpr", "--config", "quick.toml"), cwd=here, check=True)
+    learn(here)
     process = children.Child(
         command("eval", "m.lvpr", "ref", "--json", "f.json"),
         cwd=here,
@@ -68,7 +74,7 @@ def test_a_reader_who_goes_away_loses_nothing(here: Path) -> None:
 
 
 def test_narrow_terminals_keep_the_figures(here: Path) -> None:
-    children.run(command("train", "ref", "-o", "m.lvpr", "--config", "quick.toml"), cwd=here, check=True)
+    learn(here)
     shown = children.run(
         command("eval", "m.lvpr", "ref"),
         cwd=here,
@@ -100,10 +106,10 @@ print(code, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
 def peak(folder: Path, *words: object) -> int:
     """Bytes that a command held at most, which must succeed."""
     command = [sys.executable, "-c", MEASURE, sys.executable, "-m", "lava_vpr", *map(str, words)]
-    run = children.run(
+    done = children.run(
         command, cwd=folder, capture_output=True, text=True, check=True, env={**os.environ, "MPLBACKEND": "Agg"}
     )
-    code, most = map(int, run.stdout.split())
+    code, most = map(int, done.stdout.split())
     assert code == 0
     needed = most * (1 if sys.platform == "darwin" else 1024)
     print(f"{words[0]}: at most {needed / 1e6:.0f} MB")  # shown by pytest -s
