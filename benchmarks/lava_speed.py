@@ -22,10 +22,10 @@ from lava.proc.io.source import RingBuffer
 from numpy.typing import NDArray
 
 from benchmarks.program import BenchmarkTable, Printed, elapsed, program, turns
-from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.counting import count_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.engine.rates import draw_trains
 from lava_vpr.errors import LavaRunError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.processes.base.magma import FIXED_TAG

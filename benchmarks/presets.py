@@ -28,8 +28,8 @@ from benchmarks.program import MARGIN, RECALL, Log, Printed, program, recalls
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import to_dict, update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
-from lava_vpr.encoding import query_rates
 from lava_vpr.engine.presentations import cores
+from lava_vpr.engine.rates import query_rates
 from lava_vpr.errors import InputError
 from lava_vpr.experiments.search import Settings, Trial, descend
 from lava_vpr.experiments.task import Case, Run, configured, current, figures, run_of

@@ -31,9 +31,9 @@ from lava_vpr.backends.asking import Asker, Asking, calibration_of
 from lava_vpr.backends.interface import HostBackend
 from lava_vpr.config import integer_config, preset
 from lava_vpr.configfile import update
-from lava_vpr.encoding import query_rates
 from lava_vpr.engine import gains
 from lava_vpr.engine.gains import RECENT, Season
+from lava_vpr.engine.rates import query_rates
 from lava_vpr.matching.answers import InBlocks, Together, hold
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.forward_filter import NONE

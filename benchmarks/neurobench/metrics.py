@@ -22,11 +22,11 @@ from lava_vpr.bench.measure.workload import of_trains
 from lava_vpr.bench.results import Workload
 from lava_vpr.config import PRESETS, preset
 from lava_vpr.configfile import update
-from lava_vpr.encoding import draw_trains, query_rates
 from lava_vpr.engine.inference.counting import count_spikes, inhibitory_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.engine.rates import draw_trains, query_rates
 from lava_vpr.errors import BackendUnavailableError, LavaRunError
 from lava_vpr.model import integer_model
 from lava_vpr.show.table import Table

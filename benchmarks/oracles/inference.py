@@ -26,10 +26,10 @@ from lava_vpr.backends.interface import query_presentations
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT
-from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.counting import count_spikes, inhibitory_spikes
 from lava_vpr.engine.inference.fixed import FAN_IN, FixedNetwork, bias_registers
 from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.rates import draw_trains
 from lava_vpr.errors import InputError
 from lava_vpr.loihi import NO_MEMORY_DECAY, WEIGHT_BITS, WEIGHT_LIMIT
 from lava_vpr.model import IntegerModel, integer_model

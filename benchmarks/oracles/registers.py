@@ -35,11 +35,11 @@ from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.front_end import FRONT_END, whole_of
 from lava_vpr.deploy.bundle.targets import TARGETS, open_whole
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.biases import bias_registers
 from lava_vpr.engine.inference.counting import count_spikes, inhibitory_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.rates import draw_trains
 from lava_vpr.errors import InputError
 from lava_vpr.inputs.encoder import Keep
 from lava_vpr.model import integer_model

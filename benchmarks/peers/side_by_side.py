@@ -36,20 +36,13 @@ from lava_vpr.bench.measure.matchers import TimedMatcher, repeats, run_peers
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Peer
 from lava_vpr.config import Config, integer_config, preset
-from lava_vpr.encoding import (
-    EncodedTraverse,
-    Keep,
-    activity_of,
-    draw_spikes,
-    encode_traverse,
-    query_rates16,
-    rates16,
-)
+from lava_vpr.encoding import EncodedTraverse, Keep, activity_of, encode_traverse
 from lava_vpr.engine.conductance.model import ConductanceState, count_spikes, initial_state, train_presentation
 from lava_vpr.engine.inference import counting, quantise
 from lava_vpr.engine.inference.surroundings import Shown
 from lava_vpr.engine.learning import stdp
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys
+from lava_vpr.engine.rates import draw_spikes, query_rates16, rates16
 from lava_vpr.inputs.patches import patch_normalised
 from lava_vpr.matching.evaluation import evaluate, values_of
 from lava_vpr.model import Model

@@ -34,12 +34,12 @@ from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.compression import Changes, for_board
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.mapping.partition import partition
-from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.counting import count_spikes, inhibitory_spikes
 from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork
 from lava_vpr.engine.inference.quantise import RATE_UNIT, biases_of
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.engine.rates import draw_trains
 from lava_vpr.loihi import NO_MEMORY_DECAY, TILE_CORES
 from lava_vpr.model import Model
 from lava_vpr.show.table import Table

@@ -22,7 +22,6 @@ from lava_vpr.config import integer_config
 from lava_vpr.deploy.bundle.compression import requantised
 from lava_vpr.deploy.bundle.folder import AGAIN, ReadBundle, array_bytes, json_bytes
 from lava_vpr.deploy.bundle.references import rates_of
-from lava_vpr.encoding import rates16
 from lava_vpr.engine.inference.quantise import mantissa_of
 from lava_vpr.engine.learning import stdp
 from lava_vpr.engine.learning.integer import initial_state
@@ -36,6 +35,7 @@ from lava_vpr.engine.learning.lava_order import (
 from lava_vpr.engine.learning.recruiting import key_again, recruit, rounds
 from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.engine.random import image_keys, presentation_key, stretch_key
+from lava_vpr.engine.rates import rates16
 from lava_vpr.errors import BundleError, ConfigError, LavaVprError
 from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Model, Stretch

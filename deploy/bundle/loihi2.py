@@ -19,12 +19,12 @@ from lava_vpr.deploy.boards.plan import RELAY_THRESHOLD, RELAY_WEIGHT
 from lava_vpr.deploy.bundle import effort
 from lava_vpr.deploy.bundle.core_files import BundlePlayer, BundleSpikes
 from lava_vpr.deploy.bundle.folder import AGAIN, ReadBundle, array_bytes, json_bytes
-from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses, simulate as run_general
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.biases import LEVEL, THRESHOLD, bias_registers
 from lava_vpr.engine.inference.fixed import SCALARS, FixedNetwork
+from lava_vpr.engine.rates import draw_trains
 from lava_vpr.errors import BundleError, NetworkLimitError
 from lava_vpr.loihi import NO_MEMORY_DECAY, WEIGHT_BITS
 from lava_vpr.settings.ranges import whole

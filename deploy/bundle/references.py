@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from lava_vpr.configfile import of_file
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle, array_bytes
-from lava_vpr.encoding import query_rates16
 from lava_vpr.engine.effort import check_query
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.rates import query_rates16
 from lava_vpr.errors import BundleError, LavaVprError, brief
 from lava_vpr.model import Model, assemble, content
 from lava_vpr.settings.ranges import whole

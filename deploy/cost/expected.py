@@ -16,9 +16,9 @@ from lava_vpr.deploy.boards.plan import Plan, Times
 from lava_vpr.deploy.cost.closed_form import core_nanoseconds
 from lava_vpr.deploy.cost.costs import all_microseconds, query_milliseconds
 from lava_vpr.deploy.cost.events import count_events
-from lava_vpr.encoding import query_rates16, spike_trains
 from lava_vpr.engine.presentations import cores
 from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.engine.rates import query_rates16, spike_trains
 from lava_vpr.model import Model
 
 MOST = 100

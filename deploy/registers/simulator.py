@@ -21,8 +21,8 @@ from lava_vpr.deploy.registers.core_images import COUNTER_UNIT, CoreImage, HostT
 from lava_vpr.deploy.registers.simulator_kernels import State, Wiring, present
 from lava_vpr.deploy.registers.synapse_memory import stored_rows, unpack
 from lava_vpr.deploy.registers.synapses import SynapseFormat, SynapseRows, joined
-from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.inference.biases import bias_input_spikes, biases, start_membranes
+from lava_vpr.engine.rates import draw_spikes
 from lava_vpr.errors import ModelFileError, NetworkLimitError
 from lava_vpr.loihi import (
     CEILING_EXPONENT_OFFSET,

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.interface import AT_ONCE, Advance, Presentations, RunFrontEnd, RunGains, front_end_of
 from lava_vpr.config import EncoderConfig
-from lava_vpr.encoding import EncodedTraverse, query_rates16
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.gains import FULL, digits_of
+from lava_vpr.engine.rates import query_rates16
 from lava_vpr.errors import InputError
 from lava_vpr.inputs.encoder import Keep
 from lava_vpr.model import Model

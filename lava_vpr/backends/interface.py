@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
-from lava_vpr.encoding import query_rates, spike_trains
 from lava_vpr.engine.blocks import Block, in_blocks, of_conductances, of_integers
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import counting
@@ -22,6 +21,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.whole import WholeNetwork
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.engine.rates import query_rates, spike_trains
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.inputs.encoder import EncodedTraverse, Keep, check_encoded
 from lava_vpr.inputs.front_end import FrontEnd

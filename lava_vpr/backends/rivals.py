@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from lava_vpr.backends.asking import PLAINLY, Asking, adapted_scores, summed
 from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
-from lava_vpr.encoding import EncodedTraverse, Keep, query_rates, strengths
+from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.engine.adaptation import Adaptation
+from lava_vpr.engine.rates import query_rates, strengths
 from lava_vpr.errors import ConfigError, InputError, shown
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching import baselines, decoders

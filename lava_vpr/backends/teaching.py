@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.config import EncoderConfig
-from lava_vpr.encoding import EncodedTraverse, query_rates16
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.adaptation import Adaptation
 from lava_vpr.engine.gains import FULL, Reference, Season, biases_under, expected
+from lava_vpr.engine.rates import query_rates16
 from lava_vpr.matching.answers import Answers
 from lava_vpr.model import IntegerModel
 from lava_vpr.season.file import unlearned

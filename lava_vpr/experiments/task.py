@@ -29,8 +29,9 @@ from lava_vpr.deploy.cost.closed_form import step_picojoules
 from lava_vpr.deploy.cost.costs import all_microseconds, outside_steps, static_millijoules, wall_milliseconds
 from lava_vpr.deploy.cost.embedded import host_milliseconds
 from lava_vpr.deploy.cost.events import count_events
-from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.presentations import Trains
+from lava_vpr.engine.rates import query_rates
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.matching.answers import InBlocks, hold

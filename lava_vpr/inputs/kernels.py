@@ -347,7 +347,7 @@ def _least_kept(values: NDArray[np.float32], count: int) -> np.float32:
 
 @compiled(nogil=True, error_model="numpy")
 def shared_out(activity: NDArray[np.float32], count: int, spikes: float) -> NDArray[np.uint16]:
-    """Rates uint16 (n, inputs) of responses; see `lava_vpr.encoding.rates16`.
+    """Rates uint16 (n, inputs) of responses; see `lava_vpr.engine.rates.rates16`.
 
     Args:
         activity: Responses, float32 (n, inputs), at least 0.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
-from lava_vpr.encoding import query_rates, strengths
+from lava_vpr.engine.rates import query_rates, strengths
 from lava_vpr.errors import LavaVprError
 from lava_vpr.maps.changes import remove
 from lava_vpr.matching.baselines import cosine_similarities

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from lava_vpr.backends.rivals import BASELINES
 from lava_vpr.configfile import to_toml
-from lava_vpr.encoding import EncodedTraverse, query_rates16
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.gains import Season
 from lava_vpr.engine.inference import counting
 from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.engine.rates import query_rates16
 from lava_vpr.inputs.encoder import INPUTS, Keep
 from lava_vpr.matching.answers import Answers
 from lava_vpr.model import Model, as_integer

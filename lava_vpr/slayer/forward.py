@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.biases import schedule, slopes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import TOP_PERCENTILE
+from lava_vpr.engine.rates import draw_trains
 from lava_vpr.loihi import DECAY_UNITY, INPUT_SHIFT
 from lava_vpr.slayer.needs import libraries
 

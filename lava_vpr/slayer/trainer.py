@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.config import Config, IntegerConfig, integer_config
-from lava_vpr.encoding import query_rates16, training_rates
 from lava_vpr.engine.inference import counting, fixed, quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.surroundings import Shown
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys
+from lava_vpr.engine.rates import query_rates16, training_rates
 from lava_vpr.inputs.views import augmented
 from lava_vpr.model import Stretch
 from lava_vpr.slayer import forward

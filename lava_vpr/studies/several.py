@@ -13,8 +13,8 @@ from scipy.linalg import block_diag
 from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.config import Config, integer_config
 from lava_vpr.configfile import update
-from lava_vpr.encoding import query_rates
 from lava_vpr.engine.random import presentation_key, uniform
+from lava_vpr.engine.rates import query_rates
 from lava_vpr.errors import ConfigError
 from lava_vpr.experiments.grid import Figures, Outcome
 from lava_vpr.experiments.task import (

@@ -31,12 +31,13 @@ from numpy.typing import NDArray
 
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.config import Config
-from lava_vpr.encoding import EncodedTraverse, query_rates, query_rates16
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.blocks import BLOCK, Block, counted, of_integers
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.quantise import burst_rates
 from lava_vpr.engine.inference.surroundings import Shown
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys, uniform
+from lava_vpr.engine.rates import query_rates, query_rates16
 from lava_vpr.inputs.encoder import INPUTS, ChannelLayout
 from lava_vpr.inputs.front_end import BURST
 from lava_vpr.matching import decoders

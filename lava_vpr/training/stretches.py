@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.config import Config, as_integer_config
-from lava_vpr.encoding import EncodedTraverse, training_rates
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.learning.recruiting import key_again, recruit, rounds
 from lava_vpr.engine.random import image_keys, presentation_key, stretch_key
+from lava_vpr.engine.rates import training_rates
 from lava_vpr.errors import shown
 from lava_vpr.model import Stretch
 from lava_vpr.training.checkpoint import Checkpoint

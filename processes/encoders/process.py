@@ -27,8 +27,8 @@ class PoissonEncoder(ListedEncoderProcess):
         s_j(t) = h(k, t, j) < r_j          so that P(s_j(t) = 1) = r_j 2^-16, independently in every step
 
     h is a hash (`lava_vpr.engine.random.draws`) and not a stream: the spikes are those of
-    `lava_vpr.encoding.draw_spikes`, the same on every backend and with any number of threads. For two images of three
-    inputs, 350 steps each::
+    `lava_vpr.engine.rates.draw_spikes`, the same on every backend and with any number of threads. For two images of
+    three inputs, 350 steps each::
 
         rates = np.array([[655, 0, 32768], [6554, 6554, 0]], np.uint16)        # 1 %, never, 50 %; 10 %, 10 %, never
         keys = presentation_keys(0, "query", image_keys(rates))
@@ -63,7 +63,7 @@ class PyRegularEncoder(ListedEncoderModel):
 
 
 class FinePoissonEncoder(ListedEncoderProcess):
-    """Sends the draws of `lava_vpr.encoding.draw_spikes`, one presentation after another; then it is silent.
+    """Sends the draws of `lava_vpr.engine.rates.draw_spikes`, one presentation after another; then it is silent.
 
     Rates are in units of 2^-32. Arguments, port and Var as `lava_vpr.processes.base.encoders.EncoderProcess`.
     """

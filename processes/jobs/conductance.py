@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.configfile import from_dict
-from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.conductance.kernels import Constants
 from lava_vpr.engine.conductance.model import ConductanceState, constants
+from lava_vpr.engine.rates import draw_spikes
 from lava_vpr.isolated.worker import report
 from lava_vpr.processes.base.magma import Loihi2SimCfg, RunSteps
 from lava_vpr.processes.base.shared_memory import shared_array

@@ -12,9 +12,9 @@ from support.common.small_models import encoded, paper_model, small_model, two_i
 
 from lava_vpr.bench.measure import matchers
 from lava_vpr.bench.query_set import QuerySet
-from lava_vpr.encoding import draw_spikes, query_rates
 from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.rates import draw_spikes, query_rates
 from lava_vpr.errors import ConfigError
 from lava_vpr.matching import baselines
 from lava_vpr.model import as_integer

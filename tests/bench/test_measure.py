@@ -20,8 +20,8 @@ from lava_vpr.backends.interface import Presentations
 from lava_vpr.bench.measure import child, rapl, timing as measure
 from lava_vpr.bench.measure.timing import measure_encoding, measure_localizer
 from lava_vpr.bench.query_set import QuerySet
-from lava_vpr.encoding import query_rates
 from lava_vpr.engine.conductance.model import ConductanceState
+from lava_vpr.engine.rates import query_rates
 from lava_vpr.errors import LavaRunError
 from lava_vpr.localizer import Localizer
 from lava_vpr.matching.decoders import DECODERS, best

@@ -28,7 +28,7 @@ from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.cost.closed_form import step_picojoules
 from lava_vpr.deploy.cost.costs import all_microseconds, modelled, outside_steps
 from lava_vpr.deploy.cost.events import count_events
-from lava_vpr.encoding import query_rates
+from lava_vpr.engine.rates import query_rates
 from lava_vpr.errors import ConfigError
 from lava_vpr.experiments.task import Case, Run, configured, current, fast_settings, figures, leads, run_of, stops
 from lava_vpr.recognition import DECODERS_ONLY, recognise

@@ -13,13 +13,13 @@ from benchmarks.neurobench import metrics
 from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.bench.measure.workload import input_updates, membrane_updates, of_trains, workload
 from lava_vpr.bench.query_set import QuerySet
-from lava_vpr.encoding import query_rates
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.biases import LEVEL, biases, start_membranes
 from lava_vpr.engine.inference.counting import count_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.membranes import membranes
 from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.rates import query_rates
 
 INPUTS, NEURONS, STEPS, N = 30, 7, 25, 3
 KINDS = ("injected", "bias", "deep")

@@ -15,8 +15,8 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.compression import requantised
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.mapping.sizing import DEVIATIONS
-from lava_vpr.encoding import query_rates, rates16
 from lava_vpr.engine.inference.quantise import distinctive, unit_norm
+from lava_vpr.engine.rates import query_rates, rates16
 from lava_vpr.loihi import HOST_SPIKES
 from lava_vpr.model import Model
 from lava_vpr.training.loop import train

@@ -16,9 +16,10 @@ from lava_vpr.backends import registry as backends, rivals
 from lava_vpr.backends.asking import Asking
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.configfile import update
-from lava_vpr.encoding import EncodedTraverse, query_rates
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.inference import counting, fixed
 from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.engine.rates import query_rates
 from lava_vpr.errors import BackendUnavailableError, ConfigError, InputError
 from lava_vpr.matching import decoders, sequences
 from lava_vpr.matching.decoders import DECODERS, best, confidence

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from support.literal.floats import Slow, slow_presentation
 
 from lava_vpr.config import Config, preset
-from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.conductance import run as conductance_run
 from lava_vpr.engine.conductance.kernels import ConductanceDrive, input_drive
 from lava_vpr.engine.conductance.model import (
@@ -22,6 +21,7 @@ from lava_vpr.engine.conductance.model import (
     train_presentation,
 )
 from lava_vpr.engine.random import presentation_key, presentation_keys, uniform
+from lava_vpr.engine.rates import draw_spikes
 from lava_vpr.errors import ConfigError, InputError
 
 INPUTS, NEURONS = 14, 6

@@ -12,7 +12,6 @@ from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 from support.literal.integers import as_populations, present_fixed
 
-from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.general.simulation import simulate
 from lava_vpr.engine.inference import counting, fixed
 from lava_vpr.engine.inference.biases import bias_input_spikes
@@ -20,6 +19,7 @@ from lava_vpr.engine.inference.counting import count_spikes, inhibitory_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.membranes import membranes
 from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.rates import draw_spikes
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import INPUT_LIMIT, LOIHI_1_INPUT_LIMIT, STATE_LIMIT
 

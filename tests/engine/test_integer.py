@@ -12,13 +12,13 @@ from support.literal import integers
 
 from lava_vpr.config import StdpLearning, integer_config, preset
 from lava_vpr.configfile import update
-from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.learning import integer, integer_kernels, stdp
 from lava_vpr.engine.learning.integer import IntegerLearning, WeightRule
 from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.engine.random import presentation_key
+from lava_vpr.engine.rates import draw_spikes
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.loihi import PRODUCT_EXPONENTS, PRODUCT_MANTISSAS
 from lava_vpr.model import Stretch

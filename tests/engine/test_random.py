@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy import stats
 
-from lava_vpr.encoding import draw_spikes, rates16
 from lava_vpr.engine import random
 from lava_vpr.engine.draw import poisson_spikes
 from lava_vpr.engine.inference.biases import LEVEL, bias_input_spikes, biases, schedule, start_membranes
 from lava_vpr.engine.random import presentation_key, presentation_keys
+from lava_vpr.engine.rates import draw_spikes, rates16
 
 INPUTS = 784
 STEPS = 350

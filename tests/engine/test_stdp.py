@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from lava_vpr.config import Config, StdpLearning, preset
 from lava_vpr.configfile import update
-from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.learning import stdp
 from lava_vpr.engine.learning.recruiting import Thresholds, key_again, recruit, rounds, unpaired
 from lava_vpr.engine.random import image_keys, presentation_key
+from lava_vpr.engine.rates import draw_spikes
 from lava_vpr.model import Stretch
 from lava_vpr.training.trainers import StretchTrainer, rule_of
 

@@ -20,8 +20,9 @@ from lava_vpr import model as model_file
 from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.cli import main
 from lava_vpr.config import preset
-from lava_vpr.encoding import EncodedTraverse, draw_trains
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.rates import draw_trains
 from lava_vpr.errors import InputError, NetworkLimitError
 from lava_vpr.exchange import netx
 from lava_vpr.exchange.formats import FORMATS, TIME_STEP, FileOptions

@@ -12,7 +12,7 @@ from support.common.small_models import paper_model, small_model
 from lava_vpr import train
 from lava_vpr.cluster.tasks import ONE_THREAD
 from lava_vpr.configfile import update
-from lava_vpr.encoding import query_rates
+from lava_vpr.engine.rates import query_rates
 from lava_vpr.errors import ConfigError
 from lava_vpr.learning import behind as asking, route
 from lava_vpr.learning.behind import Compared, compared

@@ -21,8 +21,9 @@ from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.learning import chip_learning
 from lava_vpr.deploy.bundle.targets import open_bundle
-from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays, query_rates16
+from lava_vpr.encoding import EncodedTraverse, Keep, encode_arrays
 from lava_vpr.engine.inference import counting, fixed, quantise
+from lava_vpr.engine.rates import query_rates16
 from lava_vpr.errors import ConfigError, InputError, ModelFileError
 from lava_vpr.inputs.views import STRAIGHT
 from lava_vpr.matching.equations import assign

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from support.lava.model_harness import build, drive
 from support.lava.small_networks import FIXED, FLOAT, Arrays, Runs, hold_in_lava, random_network
 
-from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.biases import LEVEL, bias_input_spikes, biases, start_membranes
 from lava_vpr.engine.inference.counting import count_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.rates import draw_trains
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.loihi import STATE_LIMIT
 from lava_vpr.processes.base.shared_memory import shared_array

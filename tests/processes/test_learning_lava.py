@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from benchmarks.places import encoded
 from lava_vpr.config import Config, preset
-from lava_vpr.encoding import draw_spikes, rates16
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.learning.integer import (
     IntegerLearning,
@@ -26,6 +25,7 @@ from lava_vpr.engine.learning.integer_kernels import SILENT_STEPS
 from lava_vpr.engine.learning.lava_order import LibraryDraws
 from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.rates import draw_spikes, rates16
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.processes.jobs.learning import LEARNING, LIBRARY

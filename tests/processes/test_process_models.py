@@ -17,9 +17,9 @@ from lava.utils.weightutils import SignMode
 from numpy.typing import NDArray
 from support.lava.model_harness import build, drive
 
-from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.rates import draw_trains
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.processes.base.shared_memory import shared_array
 from lava_vpr.processes.encoders.process import (

@@ -22,12 +22,12 @@ from support.lava.small_networks import (
 )
 
 from lava_vpr.backends.interface import events_of
-from lava_vpr.encoding import draw_spikes, draw_trains
 from lava_vpr.engine.general.lif import stored_weights
 from lava_vpr.engine.inference.biases import bias_registers
 from lava_vpr.engine.inference.counting import count_spikes, inhibitory_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.rates import draw_spikes, draw_trains
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.processes.lif.process import ExcitatoryLIF, PyExcitatoryLIFFixed
 from lava_vpr.processes.networks.process import EVENTS, FusedPlaceNetwork, PyFusedPlaceNetworkFixed

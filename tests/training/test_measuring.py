@@ -16,9 +16,9 @@ from lava_vpr.backends.asking import calibration_of
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
-from lava_vpr.encoding import query_rates16
 from lava_vpr.engine.inference.counting import count_spikes
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys, uniform
+from lava_vpr.engine.rates import query_rates16
 from lava_vpr.errors import ModelFileError
 from lava_vpr.learning.route import train as train_images
 from lava_vpr.matching.decoders import decode

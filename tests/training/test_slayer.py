@@ -16,9 +16,9 @@ from lava_vpr import model as model_file
 from lava_vpr.cli import main
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, integer_config
-from lava_vpr.encoding import draw_trains, query_rates16
 from lava_vpr.engine.inference import counting, quantise
 from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.engine.rates import draw_trains, query_rates16
 from lava_vpr.model import Model, integer_model
 from lava_vpr.slayer import forward, needs
 from lava_vpr.synthetic import write_traverses

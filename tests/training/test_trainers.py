@@ -17,8 +17,8 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.bundle.learning import chip_learning
-from lava_vpr.encoding import training_rates
 from lava_vpr.engine.inference.quantise import unit_norm
+from lava_vpr.engine.rates import training_rates
 from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.encoder import ChannelLayout
 from lava_vpr.inputs.views import AugmentConfig, augmented, shifted

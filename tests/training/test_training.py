@@ -15,9 +15,10 @@ from lava_vpr import model
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
-from lava_vpr.encoding import EncodedTraverse, query_rates, training_rates
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.learning.recruiting import key_again
 from lava_vpr.engine.random import image_keys, presentation_key
+from lava_vpr.engine.rates import query_rates, training_rates
 from lava_vpr.errors import ConfigError, InputError, ModelFileError, NetworkLimitError
 from lava_vpr.model import Model, integer_model
 from lava_vpr.storage import container

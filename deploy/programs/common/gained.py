@@ -40,7 +40,7 @@ def table_of(bundle: Bundle) -> Dict[str, np.ndarray]:
 
 
 def rates_of(activity: np.ndarray, count: int, spikes: float) -> np.ndarray:
-    """Rates uint16 (n, inputs) of activity float32 (n, inputs), as lava_vpr.encoding.rates16 defines them."""
+    """Rates uint16 (n, inputs) of activity float32 (n, inputs), as lava_vpr.engine.rates.rates16 defines them."""
     rates = np.zeros(activity.shape, np.uint16)
     for i, own in enumerate(activity):
         least = np.partition(own, -count)[-count] if 0 < count < len(own) else np.float32(0)

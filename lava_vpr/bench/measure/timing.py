@@ -29,8 +29,9 @@ from lava_vpr.bench.measure.child import decoder_of
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import Measured
 from lava_vpr.config import Config
-from lava_vpr.encoding import activity_of, query_rates
+from lava_vpr.encoding import activity_of
 from lava_vpr.engine.presentations import cores
+from lava_vpr.engine.rates import query_rates
 from lava_vpr.errors import BackendUnavailableError, LavaVprError
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.isolated.runner import run_isolated

@@ -27,10 +27,11 @@ from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.folder import ReadBundle
 from lava_vpr.deploy.bundle.gains import FACTS, TABLE
 from lava_vpr.deploy.bundle.targets import open_bundle
-from lava_vpr.encoding import EncodedTraverse, encode_traverse, rates16
+from lava_vpr.encoding import EncodedTraverse, encode_traverse
 from lava_vpr.engine.gains import FULL
 from lava_vpr.engine.inference.biases import bias_registers, held_biases
 from lava_vpr.engine.random import image_keys, presentation_keys
+from lava_vpr.engine.rates import rates16
 from lava_vpr.errors import BundleError, LavaVprError, ModelFileError
 from lava_vpr.model import IntegerModel, integer_model
 from lava_vpr.season import table as gain_table

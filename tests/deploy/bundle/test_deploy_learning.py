@@ -23,13 +23,14 @@ from lava_vpr.deploy.bundle.learning import (
     learned_on_chip,
     learning_files,
 )
-from lava_vpr.encoding import EncodedTraverse, draw_spikes, rates16
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.learning.integer import present
 from lava_vpr.engine.learning.integer_kernels import StepDraws
 from lava_vpr.engine.learning.lava_order import FoldedPhase, LibraryDraws, fold, folded_phases, laterals, unfold
 from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.engine.random import GOLDEN, derived_key
+from lava_vpr.engine.rates import draw_spikes, rates16
 from lava_vpr.errors import BundleError, ConfigError, NetworkLimitError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.loihi import INPUT_LIMIT

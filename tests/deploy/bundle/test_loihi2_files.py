@@ -17,8 +17,8 @@ from support.lava.small_networks import SMALL_LIMITS, limits
 from lava_vpr.config import LifNetwork
 from lava_vpr.deploy.bundle import loihi2
 from lava_vpr.deploy.bundle.folder import array_bytes, json_bytes
-from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.counting import count_spikes, inhibitory_spikes
+from lava_vpr.engine.rates import draw_trains
 from lava_vpr.errors import BundleError, NetworkLimitError
 
 QUICK = settings(deadline=None, max_examples=25, derandomize=True)

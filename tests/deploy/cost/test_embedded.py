@@ -20,10 +20,10 @@ from lava_vpr.deploy.boards.constants import LOIHI_1
 from lava_vpr.deploy.cost import embedded
 from lava_vpr.deploy.cost.embedded import Accesses
 from lava_vpr.deploy.cost.events import count_events
-from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.counting import count_spikes
 from lava_vpr.engine.presentations import Trains
+from lava_vpr.engine.rates import draw_trains
 
 
 @pytest.mark.parametrize("bias_input", [False, True])

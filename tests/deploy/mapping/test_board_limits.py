@@ -14,9 +14,9 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.deploy.mapping.sizing import host_spikes
-from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.rates import draw_trains
 from lava_vpr.errors import NetworkLimitError
 
 

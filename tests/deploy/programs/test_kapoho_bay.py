@@ -35,11 +35,11 @@ from lava_vpr.deploy.bundle.targets import PROGRAMS
 from lava_vpr.deploy.registers.core_images import core_images
 from lava_vpr.deploy.registers.synapse_memory import unpack
 from lava_vpr.deploy.registers.synapses import SynapseFormat
-from lava_vpr.encoding import draw_spikes
 from lava_vpr.engine.inference import biases, fixed
 from lava_vpr.engine.inference.biases import bias_registers, held_biases
 from lava_vpr.engine.inference.counting import count_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.rates import draw_spikes
 
 SLOW = settings(deadline=None, max_examples=8, derandomize=True)
 

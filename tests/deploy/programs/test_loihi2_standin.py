@@ -17,7 +17,7 @@ from support.common.small_models import small_model
 
 from lava_vpr.backends import registry as backends
 from lava_vpr.backends.interface import Presentations
-from lava_vpr.encoding import query_rates
+from lava_vpr.engine.rates import query_rates
 from lava_vpr.errors import LavaRunError
 from lava_vpr.isolated.runner import run_isolated
 

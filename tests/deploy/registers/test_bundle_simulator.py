@@ -15,10 +15,10 @@ from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.registers.core_images import CoreImage, core_images, host_tables
 from lava_vpr.deploy.registers.simulator import Chips
 from lava_vpr.deploy.registers.simulator_kernels import State, Wiring, update
-from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.counting import count_spikes, inhibitory_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.rates import draw_trains
 from lava_vpr.errors import ModelFileError, NetworkLimitError
 
 

@@ -26,9 +26,9 @@ from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.bundle.deployment import contents
 from lava_vpr.deploy.bundle.folder import ReadBundle, sealed
 from lava_vpr.deploy.bundle.targets import TARGETS
-from lava_vpr.encoding import query_rates
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.rates import query_rates
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.model import Model, Stretch
 

@@ -19,12 +19,12 @@ from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Plan, PopulationPart
 from lava_vpr.deploy.registers.core_images import HostTables, core_images, host_tables
 from lava_vpr.deploy.registers.simulator import Chips
-from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.counting import count_spikes, inhibitory_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.rates import draw_trains
 from lava_vpr.loihi import CORE_SYNAPSE_WORDS, LOIHI_1_WEIGHT_BITS
 
 RATES = tuple[NDArray[np.uint16], NDArray[np.uint64]]

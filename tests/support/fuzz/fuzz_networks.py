@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from support.lava.small_networks import random_bias
 
-from lava_vpr.encoding import draw_trains
 from lava_vpr.engine.general.lif import LifParameters, SignMode
 from lava_vpr.engine.general.simulation import INPUTS, GeneralNetwork, Population, Synapses
 from lava_vpr.engine.inference.fixed import FixedNetwork, silent_steps
 from lava_vpr.engine.random import presentation_keys
+from lava_vpr.engine.rates import draw_trains
 from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_LIMIT
 
 GROUPS_OF_START, BLOCKS_OF_GROUP = 4, 25

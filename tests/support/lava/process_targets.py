@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from scipy.sparse import identity
 from support.lava.small_networks import SMALL_LIMITS, limits, part, random_network
 
-from lava_vpr.encoding import rates16
 from lava_vpr.engine.gains import FULL, Digits
 from lava_vpr.engine.general.lif import LifParameters
 from lava_vpr.engine.learning.integer import IntegerLearning, WeightRule
 from lava_vpr.engine.learning.stdp import PlasticState
+from lava_vpr.engine.rates import rates16
 from lava_vpr.errors import BackendUnavailableError, NetworkLimitError
 from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.processes.base.magma import AbstractProcess, Loihi2HwCfg, Loihi2SimCfg, RunSteps

@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from lava_vpr.backends.interface import Presentations
 from lava_vpr.backends.teaching import under_gains
 from lava_vpr.config import EncoderConfig
-from lava_vpr.encoding import EncodedTraverse, draw_trains, query_rates16
+from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.gains import FULL, digits_of
 from lava_vpr.engine.inference import fixed
 from lava_vpr.engine.inference.biases import bias_registers
 from lava_vpr.engine.inference.counting import EVENTS, count_spikes, inhibitory_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
+from lava_vpr.engine.rates import draw_trains, query_rates16
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT
 
