@@ -14,6 +14,7 @@ from support.common.small_models import encoded, small_model
 
 from lava_vpr import loihi
 from lava_vpr.backends.interface import HostBackend, query_presentations
+from lava_vpr.bench.modelling import step_times
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.boards.constants import HOST_POWER, LEVELS, LOIHI_1, Constant, Estimate, total
 from lava_vpr.deploy.boards.plan import Plan, Times
@@ -368,3 +369,14 @@ def test_a_board_without_public_times_has_none() -> None:
     plan = plan_of(small_model(), LOIHI_2)
     assert expected.timed(plan, small_model()) is plan
     assert plan.times is None
+
+
+@pytest.mark.slow
+def test_the_parts_of_a_step_add_up_to_its_time() -> None:
+    """The picture of the steps and the table of costs say the same."""
+    plan = busy_plan()
+    events = count_events(plan, trains_of(plan.network, 3, 0))
+    times, costs = step_times(plan, events, LOIHI_1), modelled(plan, events).figures
+    assert min(times.program) > 0
+    whole = np.mean(times.busiest) + np.mean(times.program) + times.barrier
+    assert whole == pytest.approx(costs.step_microseconds.nominal)
