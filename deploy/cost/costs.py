@@ -291,12 +291,12 @@ def wall_milliseconds(
 
     The program waits for settings before the first step and sends counts after the last, and the host starts a query
     only after the counts of the one before: these times add up. It takes input spikes step by step, while the host
-    sends those of later steps, since the channel holds some packets: in all steps but one, the shorter of step and
-    packet is hidden by the longer. High: nothing overlaps.
+    sends those of later steps, since the channel holds some packets: in all of these steps but one, the shorter of the
+    step's time and its packets' is hidden by the longer. High: nothing overlaps.
 
     Args:
         milliseconds: Time on the chip.
-        sent, counts: Time of the host's packets, and of the counts that come back, in ms.
+        sent, counts: Time of all the host's packets for the query, and of the counts that come back, in ms.
         step_microseconds: Mean time of a step.
         taken: Steps in which the program takes input spikes; 0: it takes settings.
     """

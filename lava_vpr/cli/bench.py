@@ -54,7 +54,7 @@ DEFAULT = registry.timed_by_default()
         "targets",
         type=RegisteredName(BOARDS),
         multiple=True,
-        help="Board whose costs to model (default: all); it is then an error if the model does not fit.",
+        help="Board whose costs to model (default: all); a model that does not fit this board is an error.",
     ),
     click.option(
         "--backend",
@@ -94,8 +94,8 @@ def bench(
     """Measure what a query costs: recall of QUERY by MODEL, time and memory on this machine, then modelled time and
     energy on each board.
 
-    The correct places are given as for eval: without --gt or positions, query i shows place i. What this machine
-    lacks (a board, energy counters) is named, and the rest is printed.
+    The correct places are given as for eval: without --gt or positions, query i shows place i. The output
+    names what this machine lacks, such as a board or energy counters, and has all other figures.
     """
     if address is not None and not request.sweep:
         raise click.UsageError("--cluster shares the points of --sweep; all else measures this machine: add --sweep")

@@ -155,8 +155,8 @@ def motion_option(default: str, why: str) -> Callable[[Any], Any]:
         "--motion",
         type=click.Choice((*MOTIONS, NONE)),
         default=default,
-        help="How the robot may move between images: 'any' follows every speed, stops and turns, 'forward' never back, "
-        f"'none' takes each image alone (default: {default}, {why}).",
+        help="How the robot may move between images: 'any' allows every speed, stops and turns, 'forward' excludes "
+        f"driving back, 'none' matches each image by itself (default: {default}, {why}).",
     )
     return under(TOGETHER, option)
 

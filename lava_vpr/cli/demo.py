@@ -84,9 +84,9 @@ def synth(
 ) -> None:
     """Draw a synthetic route: DIR/reference in summer, DIR/query in winter.
 
-    Beside them: where and when each image was taken (reference_positions.csv and query_positions.csv), and what a
-    satellite receiver reported every second (reference.gpx and query.gpx). With --events, the positions are those of
-    the vehicle ten times a second.
+    It also writes where and when each image was taken (reference_positions.csv and query_positions.csv), and the
+    positions that a satellite receiver would report every second (reference.gpx and query.gpx). With --events, it
+    writes the positions of the vehicle ten times a second.
     """
     conditions = ("summer", query_condition)
     if end is not None:

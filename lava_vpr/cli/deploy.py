@@ -163,10 +163,10 @@ def deploy(
     learning: bool,
     json_path: Path | None,
 ) -> None:
-    """Place the neurons of MODEL on a board's cores, and write all that the board needs as the folder BUNDLE.
+    """Place the neurons of MODEL on a board's cores, and write everything that the board needs into the folder BUNDLE.
 
     Learned weights are quantised again if bits, pruning or the input mode change, or if the board requires it.
-    --max-loss tries the possible ways from the cheapest up, by synaptic operations of a query.
+    --max-loss tries the possible combinations in the order of their synaptic operations per query, fewest first.
     """
     board = BOARDS[target]
     images.check()

@@ -88,10 +88,10 @@ from lava_vpr.truth.alignment import PositionErrors
     default=1,
     show_default=True,
     metavar="N",
-    help="Repeat with N seeds of the spikes' noise, from --seed on, and print means, least and most, too; for several "
-    "models: lava-vpr study seeds.",
+    help="Repeat with N seeds of the spikes' noise, from --seed on, and also print mean, minimum and maximum; "
+    "for several models: lava-vpr study seeds.",
 )
-@motion_option("any", "or none where the queries are no drive; query takes images in any order")
+@motion_option("any", "or none if the queries are no drive; the default of query is none")
 @off_map_option
 @cluster_option
 @results_options("report.html")
@@ -174,7 +174,7 @@ def _named(asked: Queries, route: Selection) -> dict[str, str]:
 
 
 def _motion(ctx: click.Context, compared: Comparison, route: Selection, correct: NDArray[np.bool_]) -> str:
-    """How the robot may have moved: as the user says, or not at all (reported) where queries are no drive."""
+    """How the robot may have moved: the user's choice, or none, which is reported, if the queries are no drive."""
     chosen = ctx.get_parameter_source("motion") is not ParameterSource.DEFAULT
     drive = (route.opened is None or route.opened.dataset.route) and not leaps(correct, FASTEST)
     if chosen or drive or compared.sequence > 1:

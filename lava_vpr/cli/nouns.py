@@ -63,7 +63,7 @@ tolerance_option = click.option(
     type=click.IntRange(min=0),
     default=0,
     show_default=True,
-    help="Places off that still count.",
+    help="Number of places by which a match may be off and still be correct.",
 )
 """How many places off the true one an answer may be."""
 

@@ -104,7 +104,7 @@ class Accepting:
 @asking_options
 @season_option
 @answer_options
-@motion_option("none", "since IMAGES may be in any order; eval and watch take a drive")
+@motion_option("none", "since IMAGES may be in any order; eval and watch expect a drive")
 @under(
     TOGETHER,
     click.option(

@@ -60,7 +60,7 @@ def verify(
     """Run the first images of QUERY through MODEL on every backend and compare every spike with the host's.
 
     Exits with 1 if a single spike differs, or if a named backend cannot run. The spikes of a float backend may differ;
-    its recall is printed. Spikes that the network decides (exc, inh) are counted apart from those of inputs.
+    its recall is printed. Spikes that the network decides (exc, inh) are counted separately from those of inputs.
     """
     learning = Learning(learn=False, season=season, replay=replay)
     outputs = Outputs((json_path,), read=learning.files, model=asked.model_path, images=(asked.query,))

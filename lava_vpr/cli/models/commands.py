@@ -290,7 +290,7 @@ def export(model_path: Path, output: Path, name: str | None, time_step: float, r
 )
 @time_step_option
 def import_model(path: Path, output: Path, name: str | None, like: Path | None, time_step: float) -> None:
-    """Make a model of the network in FILE, which another program, or export, has written.
+    """Make a model from the network in FILE, which export or another program has written.
 
     An unaltered file of export restores its model, byte for byte. Any other network is rounded to the chip's integers
     where necessary, and answers with the references of --like, or of the file itself.

@@ -24,9 +24,10 @@ from lava_vpr.show.table import Table
 def datasets(name: str | None, folder: Path | None, json_path: Path | None) -> None:
     """Describe the five benchmark datasets, and check a copy of one.
 
-    Without NAME: a list. With NAME: what to download and from where, which folders, and what the paper does with them.
-    With FOLDER, which holds the dataset: which of its layouts was found, the images of each traverse, the places and
-    sections that they give, and what differs from what the paper needs; exit code 1 if nothing can be learned from it.
+    Without NAME, list the datasets. With NAME, describe one: what to download, from where, its folders, and how the
+    paper uses them. With FOLDER, which holds the dataset, report which of its layouts was found, the images of each
+    traverse, the places and sections that they give, and where they differ from what the paper needs; the exit code is
+    1 if nothing can be learned from them.
     """
     Outputs((json_path,), images=() if folder is None else (str(folder),))
     if name is None:

@@ -126,11 +126,12 @@ def paper_table(
     report_folder: Path | None,
     **given: Any,
 ) -> list[Table]:
-    """Compute the paper's table again, beside the numbers that it prints.
+    """Compute the paper's table again, and print it beside the paper's own figures.
 
-    VPRSNN's network with the paper's four decoders, SAD, NetVLAD where its descriptors are given, and this package's
-    own presets and matchers on the same images, section by section. A row that cannot be computed says why. A section
-    takes seconds, with preset paper one to two minutes: with --keep an interrupted run continues where it was.
+    The rows are VPRSNN's network with the paper's four decoders, SAD, NetVLAD if its descriptors are given, and this
+    package's own presets and matchers, all on the same images, section by section. A row that cannot be computed says
+    why. A section takes seconds, with preset paper one to two minutes; with --keep, an interrupted run continues where
+    it stopped.
     """
     page = report_folder and report_folder / "paper_table.html"
     if kept_only and keep is None:

@@ -52,12 +52,12 @@ def protocol(
     config: Path | None,
     jobs: int | None,
 ) -> list[Table]:
-    """Run a protocol by which the field compares methods, beside the published figures of others.
+    """Run a protocol by which the field compares methods, and print the published figures of others with the result.
 
-    Without NAME: a list. With NAME: which images, where to get them, which matches are correct, and the source of the
-    figures. With FOLDER, which holds the images under the publisher's names, and DIR: the images are learned and
-    recognised as the protocol says. DIR then holds both lists of images, which references are right for each query, the
-    model, and the figures of eval; the commands are printed.
+    Without NAME, list the protocols. With NAME, describe one: its images, where to get them, which matches are correct,
+    and the source of the published figures. With FOLDER, which holds the images under the publisher's names, and DIR,
+    learn and recognise the images as the protocol says, and print the commands that do so. DIR then holds both lists of
+    images, the ground truth, the model, and the figures of eval.
     """
     if name is None:
         return show_results([_list()], {})

@@ -8,25 +8,25 @@ from typing import Any
 
 import click
 
-LEARNED = "What is learned"
-CHANGED = "How weights and inputs are changed"
+LEARNED = "Learning"
+CHANGED = "Weights and inputs"
 OUTPUT = "Output"
 IMAGES = "Images"
 POSITIONS = "Positions and times"
 TRUTH = "Ground truth"
-MEASURED = "What is measured"
-COMPARED = "What it is compared with"
-PRESENTED = "How queries are presented"
-TOGETHER = "Queries in a row"
-ACCEPTED = "What is accepted"
+MEASURED = "Measurements"
+COMPARED = "Comparisons"
+PRESENTED = "Presentation of queries"
+TOGETHER = "Motion and sequences"
+ACCEPTED = "Acceptance of matches"
 SEASON = "Season"
-RUNNING = "How it runs"
+RUNNING = "Execution"
 
 OPTIONS = "Options"
-"""What stands above the options of a command that has few, as click has it."""
+"""The single heading of a command with few options; click uses the same."""
 
 MANY = 15
-"""From so many options on they stand below headings."""
+"""Minimum number of options that a command's help groups below headings."""
 
 
 def several(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
