@@ -3,18 +3,20 @@
 S^R holds how often each neuron spikes for each place. Margins of answers that are right, wrong and off the map
 calibrate the probabilities.
 
-On the map: references in which a share `ALTERED` of the inputs, drawn again for each, take the values of another
-reference. The share models a change of season: of shares from 0.6 to 0.95 it had the least calibration error on
-Nordland 0:200, learned in either season and queried in the other, with half of the queries off the map. Where all
-queries are on the map, the probabilities depend on how often a place is mistaken for another, which nearly never
-happens to references altered so; they are measured on images altered by different shares (`SHARES`), every other turn
-also `seen_otherwise`. These shares were chosen on the same images and on halves of them, among 15 sets of shares
-between 0.4 and 0.95 with all, half or none of the images seen otherwise. Three sets gave the observed right and wrong
-answers the highest likelihood, equal within 0.0004 a query; of these the one that vectors use was taken. None of the
-sets suits Gardens Point 0:50, whose views change.
+On the map: references in which a share `ALTERED` of the inputs, drawn again for each, take their values in other
+references, one drawn for each input. The share models a change of season: of shares from 0.6 to 0.95 it had the least
+calibration error on Nordland 0:200, learned in either season and queried in the other, with half of the queries off the
+map. References that are vectors are altered by each of `SHARES` in turns. Where all queries are on the map, the
+probabilities depend on how often a place is mistaken for another, which nearly never happens to references altered by
+`ALTERED`; for images they are measured on references altered by each of `SHARES`, in every other turn also
+`seen_otherwise`. These shares were chosen on the same images and on halves of them, among 15 sets of shares between 0.4
+and 0.95 with all, half or none of the images seen otherwise. Three sets gave the observed right and wrong answers the
+highest likelihood, equal within 0.0004 a query; of these the one that vectors use was taken. None of the sets suits
+Gardens Point 0:50, whose views change.
 
-Off the map: references shown to the network without the neurons of their quarter of the route. Places near the ends of
-that quarter are left out, since their neighbours outside would recognise them.
+Off the map: references shown to the network without the neurons of their quarter of the route. The route is cut into
+quarters twice, the second time half a quarter further on, and only the middle half of each quarter is shown, since
+neighbours outside would recognise the places near its ends.
 """
 
 from __future__ import annotations
