@@ -58,7 +58,7 @@ class Localizer:
 
     Args:
         model: A model, or the path of a model file or bundle.
-        motion: ``any``: the robot drives in both directions, stops and turns; ``forward``: never back; ``none``: each
+        motion: ``any``: the robot drives in both directions, stops and turns; ``forward``: only forward; ``none``: each
             image is answered alone.
         adapt: Time constant, in images, with which neurons' biases adapt to the previous images; ``model``: that of the
             model's settings (``network.adapt``), but no adaptation where each image is answered alone; None: no

@@ -56,7 +56,7 @@ class Match:
         candidates: The best places, best first; none without a place.
         spikes: Spike counts of the neurons, int32 (neurons,).
         stamp: What `lava_vpr.Localizer.update` was given.
-        repeats: How many images in a row before it show the very same (`lava_vpr.inputs.doubts`).
+        repeats: How many images in a row before it were identical to it (`lava_vpr.inputs.doubts`).
         cause: What is wrong with a run of images up to this one, of which none is accepted: ``stuck camera``, the same
             image while the robot moves; ``border``, empty edges that the map has not; ``blank``; ``mirrored``;
             ``upside down``. None: nothing.

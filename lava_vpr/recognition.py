@@ -123,8 +123,8 @@ class Comparison:
             the model can be compared with.
         descriptors: .npy files of reference and query descriptors, one row per image in use; None: no such matcher.
         keep_scores: Whether the result holds matrices of scores, which a report draws.
-        asking: How queries are asked; where the network adapts, figures without that stand beside, but those of a
-            filter are of a network that adapts as it does for who tracks a robot.
+        asking: How queries are asked; where the network adapts, there are also figures without adaptation, but those of
+            a filter are of a network that adapts as it does for who tracks a robot.
         motion: How the robot may have moved (`lava_vpr.matching.forward_filter.MOTIONS`), for figures of a filter
             beside; ``none``: there are none. Not with sequences.
         calibration: Of the model's decoder; None: probabilities of single queries are not known.

@@ -164,7 +164,7 @@ def paired(case: SeasonDrive, rule: str, seed: int) -> Paired:
 
 
 def judged(drive: Drive, case: SeasonDrive) -> tuple[Metrics, NDArray[np.bool_]]:
-    """The figures of the queries of a drive that count, and which of them are answered rightly, bool (n,)."""
+    """The figures of the queries of a drive that count, and which of their answers are right, bool (n,)."""
     scores, truth = drive.scores[case.counted], case.truth[case.counted]
     found = hold(case.config.decoder.default, InBlocks.made(scores), truth, Together()).metrics
     return found, np.asarray(truth[np.arange(len(scores)), scores.argmax(axis=1)])

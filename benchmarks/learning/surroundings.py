@@ -4,9 +4,9 @@
 
 Each map is learned by templates and by STDP, and asked in the other season (Gardens Point: on the other side of the
 path), each image alone and by a network that adapts to the 30 before. Cells are the means over the seeds of R@1 and
-R@100P, in percent, and, of all seeds, how many queries are answered rightly that were not with ``0``, and the other way
-round. ``--chosen`` prints the maps on which numbers may be chosen, learned in either season; without it, others, which
-were in sight while the rule was designed.
+R@100P, in percent, and, of all seeds, how many answers are right that were not with ``0``, and the other way round.
+``--chosen`` prints the maps on which numbers may be chosen, learned in either season; without it, others, which were in
+sight while the rule was designed.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def asked(chosen: bool, config: Config) -> Iterator[tuple[str, int, list[Asked]]
 
 
 def found(pair: Asked, config: Config, tolerance: int) -> dict[str, tuple[Metrics, NDArray[np.bool_]]]:
-    """Figures and which queries are answered rightly, each alone (under no name) and adapted."""
+    """Figures and which answers are right, each alone (under no name) and adapted."""
     learned, queries = pair
     model = train([learned], config, pool=ALL_CORES)
     order = np.arange(len(queries))

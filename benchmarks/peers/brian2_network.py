@@ -2,7 +2,7 @@
 
 Brian2 stands in an environment of its own (`make peers`) and compiles with Cython. Settings come from the same
 `Config` as the engine's. `Brian2Network.reset` and `Brian2Network.present_spikes` make the two comparable spike by
-spike: one start from rest per presentation, the same delays, and the very same input spikes.
+spike: one start from rest per presentation, the same delays, and the same input spikes.
 """
 
 from __future__ import annotations

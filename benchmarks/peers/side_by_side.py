@@ -8,9 +8,9 @@ First, milliseconds per presentation, one core, one process: Brian2, our `paper`
 every matcher of `lava_vpr.bench.measure.matchers` and VPRTempo on the same places and queries: speed, recall and
 memory, real images where LAVA_VPR_DATA names them (Nordland 0:100), else the synthetic world.
 
-Brian2 and `paper` compute the same network: both are also given the very same input spikes, and what comes out is
-compared. All of them take turns, presentation by presentation, and the table holds medians, because
-other programs share the machine. Compilation is not counted, nor what Brian2's garbage collection makes of a process as
+Brian2 and `paper` compute the same network: both also get identical input spikes, and their
+outputs are compared. All of them take turns, presentation by presentation, and the table holds medians, because other
+programs share the machine. Compilation is not counted, nor what Brian2's garbage collection makes of a process as
 large as this one (`benchmarks.peers.brian2_network.spare_collection`). Learning is timed twice: at the start, when a
 hundred neurons answer every image, and after ``--epochs`` epochs. `loihi` learns and answers the same images in its own
 way: 100 neurons, as many steps as its settings say, one call for each presentation.

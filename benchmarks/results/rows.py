@@ -56,7 +56,7 @@ class ResultRow:
         name: Its name in docs/results.json.
         config: Settings; the seed is replaced.
         sections: The sections, one model each.
-        matchers: Baselines and decoders that stand beside the default decoder.
+        matchers: Baselines and decoders that the default decoder is compared with.
         tolerance: Places that an answer may be off.
         sequence: Queries that are matched together.
         adapt: Whether everything is computed adapted to the queries before, too.

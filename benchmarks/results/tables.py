@@ -32,7 +32,7 @@ VIEWS: Mapping[str, dict[str, Any]] = {
 
 
 def _learned(name: str) -> ResultRow:
-    """A preset on the five sections, with all that stands beside the default one."""
+    """A preset on the five sections, with everything that the default one is compared with."""
     default = name == DEFAULT
     matchers = SIMPLEST + (PAPERS if default else ())
     return ResultRow(f"{name}, five sections", preset(name), FIVE, matchers, adapt=default, costs=True)
@@ -85,7 +85,7 @@ ENERGY_OF = {name: LEARNED[name] for name in TIMED} | {
 """The rows whose energy is known, by what the record ``energy`` calls them."""
 ENERGY = (WHOLE, WITHOUT_ENCODING, DYNAMIC)
 HEADS = tuple(f"{name}, µJ" for name in ENERGY)
-"""What stands beside recall: never the chip's dynamic energy without the rest."""
+"""Costs that are printed with recall: never the chip's dynamic energy without the rest."""
 KINDS: Mapping[str, Sequence[ResultRow]] = {
     "sections": (*LEARNED.values(), *DRAWN.values()),
     "long": tuple(LENGTHS.values()),

@@ -1,1 +1,1 @@
-"""What a robot would see of the localizer: drives of every sort, knowing when not to know, milliseconds an image."""
+"""The localizer on a robot: drives of every kind, images off the map, milliseconds an image."""

@@ -1,4 +1,4 @@
-"""The closed form of the cost model beside SANA-FE 2.2.9, on the very same network, mapping and spikes.
+"""The closed form of the cost model beside SANA-FE 2.2.9, on the same network, mapping and spikes.
 
 SANA-FE (Boyle et al., IEEE TCAD 2025, doi 10.1109/TCAD.2025.3537971) lives in an environment of its own, which `make
 sanafe` makes, and runs as another process that reads and writes files: it is licensed under GPL-3.0 and is never

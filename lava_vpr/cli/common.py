@@ -342,7 +342,7 @@ def stage(text: str) -> Iterator[None]:
 
 
 def _one_line(text: str) -> str:
-    """``text`` as it stands beside a bar, which has one line; rich drops some characters that are better shown."""
+    """``text`` as shown beside a bar, which has one line; rich drops some characters that are better shown."""
     return harmless(text).replace("\n", "\\n").replace("\t", " ")
 
 

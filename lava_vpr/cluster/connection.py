@@ -317,7 +317,7 @@ def here() -> Mapping[str, str]:
 def _source() -> str:
     """A hash of the package's modules, 12 digits: two checkouts of one version are not the same program."""
     modules: dict[str, Path] = {}
-    for name in ("", "processes", "deploy"):  # the last two stand beside the package in a checkout, in it elsewhere
+    for name in ("", "processes", "deploy"):  # the last two are beside the package in a checkout, in it elsewhere
         spec = find_spec(f"lava_vpr.{name}".rstrip("."))
         for root in spec.submodule_search_locations or () if spec is not None else ():
             found = {path.relative_to(root).as_posix(): path for path in Path(root).rglob("*.py")}

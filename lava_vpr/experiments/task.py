@@ -253,7 +253,7 @@ BOARD: Board = KAPOHO_BAY
 COSTED = 100
 """Costs are those of so many queries, the first ones."""
 BESIDE = ("cosine", "sad", "standardised")
-"""The cheap baselines, of which those stand beside that the model can be compared with."""
+"""The cheap baselines; a model is compared with those that it allows."""
 
 
 @dataclass(frozen=True)

@@ -65,7 +65,7 @@ class Sign(NamedTuple):
     """Signs that an image is doubtful.
 
     Attributes:
-        repeats: How many images in a row before it show the very same.
+        repeats: How many images in a row before it were identical to it.
         cause: What `RUN` images agree on; None: nothing.
         doubtful: It cannot be accepted.
         time_fault: See `Clock`.
@@ -82,7 +82,7 @@ class Sign(NamedTuple):
 class Doubts:
     """Signs of doubt of the images of one traverse, in order.
 
-    Images show the very same if the responses of all inputs are equal, bit for bit: equal images always do, and two
+    Images count as identical if the responses of all inputs are equal, bit for bit: equal images do, and two
     that a camera took never, since each has noise of its own. Images without any response say nothing of the camera.
 
     Attributes:

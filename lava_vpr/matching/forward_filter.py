@@ -48,7 +48,7 @@ FASTEST = 8
 """Places a query that a track moves at most."""
 
 MOTIONS = ("any", "forward")
-"""How a robot may move along the route: either way, or never back."""
+"""How a robot may move along the route: in both directions, or only forward."""
 NONE = "none"
 """No motion is assumed: each query is answered alone."""
 _SPREAD = 0.1

@@ -93,7 +93,7 @@ def measure_requantised(route: Route, task: StudyTask) -> list[Outcome]:
 
 
 BESIDE = ("standard", "contrast")
-"""Decoders that stand beside the combinations."""
+"""Decoders that the combinations are compared with."""
 COMBINATIONS = {
     " + ".join(compress("abc", steps)) or "none": steps for steps in sorted(product((True, False), repeat=3), key=sum)
 }

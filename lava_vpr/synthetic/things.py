@@ -1,4 +1,4 @@
-"""Draws what stands beside a synthetic route, and what hides part of the view."""
+"""Draws the objects along a synthetic route, and those that hide part of the view."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def aligned_truth(
     Args:
         model: The model that answers.
         queries: The queries.
-        tolerance: Places off that still count.
+        tolerance: Number of places by which a match may be off and still be correct.
         among: Absolute indices of what `choose_queries` chose, as many as the model's places, or some of them
             (`by_number`), in increasing order; None: all of them are queries.
     """

@@ -131,7 +131,7 @@ def load_descriptors(path: Path, n_images: int | None = None) -> NDArray[Any]:
 
 DESCRIPTORS = "descriptors"
 BESIDE = ("names", "positions", "stamps", "frame")
-"""What may stand beside vectors, by its name."""
+"""Further arrays that a file of vectors may have, by name."""
 _REMEDY = "write it with numpy.savez(file, descriptors=..., names=...)"
 
 
@@ -140,7 +140,7 @@ class StoredVectors(NamedTuple):
 
     Attributes:
         array: The vectors.
-        beside: What stands beside them, by its name (`BESIDE`).
+        beside: The file's further arrays, by name (`BESIDE`).
     """
 
     array: NDArray[Any]
@@ -167,7 +167,7 @@ def _stored(arrays: Mapping[str, NDArray[Any]], path: Path, remedy: str) -> Stor
 
 
 def read_npz(path: Path) -> StoredVectors:
-    """The vectors in an archive that `numpy.savez` wrote, and what stands beside them (`BESIDE`).
+    """The vectors in an archive that `numpy.savez` wrote, and its further arrays (`BESIDE`).
 
     Raises:
         InputError: it cannot be read, is damaged, unpacks to more than the limit ``array_bytes``, holds pickled objects
@@ -223,7 +223,7 @@ VECTOR_SUFFIXES = tuple(READERS)
 
 
 def read_vectors(path: Path) -> Vectors:
-    """The vectors in a file, with what stands beside them.
+    """The vectors in a file, with its further arrays.
 
     Args:
         path: ``.npy``: the vectors alone, as `numpy.save` writes them. ``.npz``, as `numpy.savez` writes it: the array
@@ -231,8 +231,8 @@ def read_vectors(path: Path) -> Vectors:
             ``positions`` (images, 2), in the frame that ``frame`` names (`lava_vpr.positions.frames`), metres without;
             ``stamps``, in seconds. ``.h5`` or ``.hdf5``: datasets of these names at the top of the file.
     Raises:
-        InputError: it cannot be read, is larger than the limit ``array_bytes``, holds no vectors, or what stands beside
-            them does not fit them.
+        InputError: it cannot be read, is larger than the limit ``array_bytes``, holds no vectors, or a further array
+            does not fit them.
     """
     stored = READERS[path.suffix.lower()](path)
     array = checked_vectors(stored.array, shown(path))

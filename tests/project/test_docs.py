@@ -121,10 +121,15 @@ TRANSLATED = (
     *("take the place of", "takes the place of", "is told of", "nobody asked", "hands on its", "by what for"),
     *("what helps", "as people read", "as people say", "what it brings", "held at once", "nobody has shown"),
     *("to be read with", "that speak of", "cannot be said in", "takes nothing of"),
+    *("becomes spikes becomes", "when not to know", "it by that", "places off that still", "never back"),
+    *("the very same", "stands beside", "stand beside", "answered rightly", "goes wherever", "in two goes"),
+    *("asks for news", "what stands here", "counts besides", "takes besides"),
 )
 """Turns that are no English of the field, which says kidnapped, reported, architecture, report, above, has no, again,
 compared with, threshold, ignored, inhibits, instead of, something else, repairs, continues, replaces, unless requested,
-keeps, by purpose, remedies, in words, recall or gain, in memory at once, no public source shows, name, is free."""
+keeps, by purpose, remedies, in words, recall or gain, in memory at once, no public source shows, name, is free, from an
+image to spikes, off the map, then knows it, number of places off, only forward, identical, is compared with, is right,
+is accepted by, in two runs, requests an update, this text, counts in addition, takes in addition."""
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
