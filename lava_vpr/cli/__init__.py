@@ -28,7 +28,7 @@ COMMANDS = {
     ),
     "verify": ("lava_vpr.cli.verify", "verify", "Compare every spike on every backend."),
     "fit": ("lava_vpr.cli.fit", "fit", "Report what fits on a board, and what each core holds."),
-    "deploy": ("lava_vpr.cli.deploy", "deploy", "Write all that a board needs to run a model."),
+    "deploy": ("lava_vpr.cli.deploy", "deploy", "Write everything that a board needs to run a model."),
     "export": (
         "lava_vpr.cli.models.commands",
         "export",
@@ -44,13 +44,13 @@ COMMANDS = {
     "protocol": (
         "lava_vpr.cli.published.protocol",
         "protocol",
-        "Run a protocol of the field, beside the figures that others printed.",
+        "Run a protocol of the field, and print the published figures of others, too.",
     ),
     "study": ("lava_vpr.cli.study", "study", "Measure what one setting does to recall and cost, with several seeds."),
     "paper-table": (
         "lava_vpr.cli.published.paper_table",
         "paper_table",
-        "Compute the paper's table again, beside the printed one.",
+        "Compute the paper's table again, and print both.",
     ),
     "doctor": ("lava_vpr.cli.doctor", "doctor", "Report what is installed and what can run."),
 }

@@ -129,9 +129,8 @@ def paper_table(
     """Compute the paper's table again, and print it beside the paper's own figures.
 
     The rows are VPRSNN's network with the paper's four decoders, SAD, NetVLAD if its descriptors are given, and this
-    package's own presets and matchers, all on the same images, section by section. A row that cannot be computed says
-    why. A section takes seconds, with preset paper one to two minutes; with --keep, an interrupted run continues where
-    it stopped.
+    package's presets and matchers, all on the same images, section by section. A row that cannot be computed says why.
+    A section takes seconds, with preset paper one to two minutes; with --keep, an interrupted run is continued.
     """
     page = report_folder and report_folder / "paper_table.html"
     if kept_only and keep is None:
