@@ -31,7 +31,10 @@ from lava_vpr.storage.arrays import ArrayRule
 from lava_vpr.storage.limits import LIMITS, variable
 
 WIDTH = 100_000  # click breaks lines at the width of a terminal; here nothing is to be broken
-CONTEXT = click.Context(main, info_name="lava-vpr", terminal_width=WIDTH, max_content_width=WIDTH)
+NAMES = main.context_settings["help_option_names"]
+CONTEXT = click.Context(
+    main, info_name="lava-vpr", terminal_width=WIDTH, max_content_width=WIDTH, help_option_names=NAMES
+)
 EVAL_KEYS = """```
 {{"model": NAME, "query": NAME, "version": "x.y.z", "places": n, "queries": n,
  "network": {{"neurons": n, "weight_bits": n or null, "steps": n}},
