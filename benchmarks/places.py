@@ -120,6 +120,8 @@ def _of_pixels(encoder: EncoderConfig) -> EncoderConfig:
         query_inputs=default.query_inputs,
         query_spikes=default.query_spikes,
         train_spikes=default.train_spikes,
+        read_threshold=default.read_threshold,
+        read_inhibition=default.read_inhibition,
     )
 
 

@@ -19,7 +19,7 @@ from lava_vpr.storage.reading import read_bytes
 
 FRONT_END_BEFORE = {"pixel_levels": 32, "race_steps": 15}
 """Settings of the encoder that older files lack, and what they were then."""
-OF_DIRECT = ("direct_levels", "direct_race", "read_steps")
+OF_DIRECT = ("direct_levels", "direct_race", "read_steps", "read_threshold", "read_inhibition")
 """Settings of the encoder for neurons that hear the cells themselves, which other files lack."""
 _LONGEST_LINE, _LONGEST_NAME = 1000, 60
 

@@ -263,7 +263,7 @@ def _network(
     if isinstance(config.network, ConductanceNetwork):
         return ConductanceState(**own)
     fixed = header["fixed"]
-    wanted = (*SCALARS, *([OF_DIRECT] if config.encoder.direct else []))
+    wanted = (*SCALARS, *(OF_DIRECT if config.encoder.direct else ()))
     if not isinstance(fixed, dict) or set(fixed) != set(wanted):
         raise UnfitError(f"fixed {brief(fixed)}, which must be {', '.join(wanted)}")
     for name, value in fixed.items():
@@ -280,7 +280,8 @@ def _agree(network: FixedNetwork, config: Config) -> None:
     for name, own, set_to in (
         ("neurons of the model", network.model, settings.model),
         ("presentations of steps", network.interval, settings.steps if before is None else before.steps),
-        ("bias in step", network.direct, 0 if before is None else before.offset_step),
+        ("bias in step", network.direct, 0 if before is None else before.begin),
+        ("rising from step", network.rising, 0 if before is None else before.rising),
         ("bits", network.bits, settings.weight_bits),
         ("signed", int(network.signed), int(settings.signed)),
         ("regular", int(network.regular), int(settings.trains == "regular")),

@@ -191,7 +191,7 @@ def pixels_to_places(folder: Path, presentations: int) -> Iterator[RegisterCase]
     chosen = np.linspace(0, 99, presentations).astype(np.int64)
     grey = encoded("winter", config.encoder).take(chosen).kept(Keep.GREY, "comparing the front end")
     spec = whole_of(model)
-    clock = np.zeros((len(grey), spec.ticks), np.int32)
+    clock = np.zeros((len(grey), spec.populations["clock"]), np.int32)
     clock[:, 0] = 1
     written = {"pixels": grey.reshape(len(grey), -1).astype(np.int32), "clock": clock}
     yield RegisterCase(

@@ -164,7 +164,7 @@ def _quantised(model: Model, weights: NDArray[np.float64]) -> FixedNetwork:
     """The integer network of ``weights`` of norm 1 under the settings of ``model``."""
     network = integer_model(model, PURPOSE).config.network
     shown = shown_references(model.stretches, model.activity, model.config)
-    return quantise.quantise(weights, network, shown, model.config.encoder.direct)
+    return quantise.quantise(weights, network, shown, model.config.encoder)
 
 
 def fitting(model: Model, board: Board, bits: int, weights: NDArray[np.float64]) -> FixedNetwork:

@@ -18,7 +18,7 @@ from lava_vpr.deploy.registers.core_images import CoreImage, HostTables
 from lava_vpr.deploy.registers.simulator import Chips
 from lava_vpr.engine.inference.fixed import OF_DIRECT, SCALARS, FixedNetwork
 from lava_vpr.errors import BundleError, LavaVprError, ModelFileError, brief
-from lava_vpr.loihi import WEIGHT_BITS
+from lava_vpr.loihi import INPUT_LIMIT, WEIGHT_BITS
 from lava_vpr.settings.ranges import whole
 from lava_vpr.storage.arrays import Shape
 from lava_vpr.storage.limits import excess
@@ -147,10 +147,11 @@ def scalars(bundle: ReadBundle) -> Mapping[str, int]:
     if beyond is not None:
         raise BundleError(f"{at}: describes a network whose weights take {beyond}")
     numbers = {name: described[name] for name in names}
-    if OF_DIRECT in described:
-        if not whole(described[OF_DIRECT]) or not 1 <= described[OF_DIRECT] < numbers["steps"]:
-            raise BundleError(f"{at}: has direct {brief(described[OF_DIRECT])}, of 1..{numbers['steps'] - 1}; {AGAIN}")
-        numbers[OF_DIRECT] = described[OF_DIRECT]
+    if OF_DIRECT[0] in described:
+        for name, least, most in zip(OF_DIRECT, (1, 1, 0), (*[numbers["steps"] - 1] * 2, INPUT_LIMIT), strict=True):
+            if not whole(described.get(name)) or not least <= described[name] <= most:
+                raise BundleError(f"{at}: has {name} {brief(described.get(name))}, of {least}..{most}; {AGAIN}")
+            numbers[name] = described[name]
     silent = rebuilding.outline(numbers).silent_steps
     if numbers["silent_steps"] != silent:
         raise BundleError(f"{at}: says silent_steps {numbers['silent_steps']}, but its network has {silent}; {AGAIN}")

@@ -155,7 +155,7 @@ def open_whole(path: Path) -> tuple[ReadBundle, Model]:
     if most < UNLIMITED and not (isinstance(spikes, int) and whole(spikes) and 0 <= spikes <= most):
         raise BundleError(f"{at}: has host_spikes {brief(spikes)}, of 0..{most}; {AGAIN}")
     kept = read_references(whole_bundle, stated)
-    if OF_DIRECT in stated:
+    if OF_DIRECT[0] in stated:
         rebuilt = direct_network(whole_bundle, stated)
     else:
         rebuilt = target.network(whole_bundle)

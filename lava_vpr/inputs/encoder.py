@@ -41,6 +41,8 @@ class EncoderConfig:
         race_steps: ``frontend``: steps of a presentation in which filters spike.
         direct_levels, direct_race: The same of ``frontend-direct``.
         read_steps: ``frontend-direct``: steps after the cells' last spikes in which neurons spike.
+        read_threshold, read_inhibition: ``frontend-direct``: threshold of the neurons, in steps of the drive, and what
+            the root takes, in thresholds; of `LifNetwork` they are for inputs that have rates.
         image_size: Side in pixels of the square image that the orientation channels are computed on.
         cell: Side in pixels of one pooling cell; ``image_size`` must be a multiple of it.
         orientations: Number of orientations, evenly spaced over 180 degrees.
@@ -64,9 +66,11 @@ class EncoderConfig:
     kind: str = "orientation"
     pixel_levels: Annotated[int, Range(2, 40)] = FrontEnd.levels
     race_steps: Annotated[int, Range(2, 16)] = FrontEnd.race
-    direct_levels: Annotated[int, Range(2, 40)] = 18
+    direct_levels: Annotated[int, Range(2, 40)] = 22
     direct_race: Annotated[int, Range(2, 16)] = 14
-    read_steps: Annotated[int, Range(1, 32)] = 16
+    read_steps: Annotated[int, Range(1, 32)] = 8
+    read_threshold: Annotated[float, Range(0, 1000, "least")] = 4.2
+    read_inhibition: Annotated[float, Range(0, 10)] = 0.17
     image_size: Annotated[int, Range(8, 512)] = 64
     cell: Annotated[int, Range(1, 512)] = 4
     orientations: Annotated[int, Range(2, 16)] = 8

@@ -13,7 +13,8 @@ spikes of the neurons that
 2. **Filters** are derivatives in ``2 orientations`` directions at every pixel of every other column. Their currents
    keep what pixels add, so that membranes integrate weight times level. Then the clock raises all membranes alike, so
    that a filter spikes the earlier the larger the logarithm of its response: once, in one of ``race`` steps.
-3. A **pair** needs two filters, 67.5 degrees to either side of its direction: an edge's is the later of both spikes.
+3. A **pair** needs two filters, 67.5 degrees to either side of its direction: an edge's is the later of both spikes. Or
+   it hears those of ``joined`` sites, and needs ``needed`` spikes.
 4. An **onset** spikes once, with the first pair of its cell and channel, whatever the sign of contrast. Its **cell**
    then spikes in every step, ``most`` times at most.
 5. A **pool** counts the spikes of all cells around, and silences its own once these have spent their budget. So time
@@ -28,6 +29,7 @@ With ``reading`` steps the network of places hears the cells themselves, as they
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -37,7 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError
-from lava_vpr.inputs.front_end_kernels import RaceNumbers, counted
+from lava_vpr.inputs.front_end_kernels import RaceNumbers, counted, pair_steps
 from lava_vpr.inputs.patches import averaged
 from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT, STATE_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 
@@ -80,6 +82,8 @@ class FrontEnd:
         most: Most spikes of a cell.
         window: Steps in which events arrive, before those of the levels; 0: images of grey levels are shown.
         axons: Rows and columns of axons of a pixel, which events arrive on.
+        joined: Sites side by side, a divisor of those of a cell, whose filters a pair hears.
+        needed: Spikes of these that a pair needs.
         reading: Steps after the cells' last spikes in which neurons of places, which hear the cells directly, spike;
             0: none hears them.
     """
@@ -101,12 +105,14 @@ class FrontEnd:
     most: int = 7
     window: int = 0
     axons: int = 2
+    joined: int = 1
+    needed: int = 2
     reading: int = 0
 
     def __post_init__(self) -> None:
         for name, value, unit in (
             ("width", self.width, self.cell),
-            ("cell", self.cell, 2 * COLUMNS),
+            ("cell", self.cell, max(2, self.joined) * COLUMNS),
             ("orientations", self.orientations, 8),
         ):
             if value % unit:
@@ -149,13 +155,18 @@ class FrontEnd:
 
     @property
     def ticks(self) -> int:
-        """Steps in which the clock spikes, with a neuron for each: the last silences cells, or who hears them."""
+        """Steps in which the clock spikes: in the last it silences cells, or who hears them."""
         return self.end + self.reading
 
     @property
-    def offset_step(self) -> int:
-        """The step, the last of the race, in which neurons that hear cells directly get what the clock adds."""
-        return self.window + self.levels + self.race
+    def begin(self) -> int:
+        """The first step of the race, in which neurons that hear cells directly get their biases."""
+        return self.window + self.levels
+
+    @property
+    def rising(self) -> int:
+        """The last step of the race, from which on the clock raises neurons that hear cells directly."""
+        return self.begin + self.race
 
     @property
     def end(self) -> int:
@@ -167,10 +178,10 @@ class FrontEnd:
         """The number of neurons of each population."""
         sites, cells = self.height * self.width // COLUMNS * self.directions, self.grid**2 * self.orientations
         return {
-            "clock": self.ticks,
+            "clock": self.ticks + (self.reading > 0),  # two silence neurons that hear cells directly
             "pixels": self.height * self.width,
             "filters": sites,
-            "pairs": sites,
+            "pairs": sites // self.joined,
             "onsets": cells,
             "cells": cells,
             "pools": self.grid**2,
@@ -301,6 +312,8 @@ class FrontEnd:
             reach=self.reach,
             most=self.most,
             columns=COLUMNS,
+            joined=self.joined,
+            needed=self.needed,
         )
 
     def seen(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -371,15 +384,15 @@ class FrontEnd:
             grey: What the front end is given of each image (`seen`), uint8 (n, *shape).
         """
         films = {name: np.zeros((len(grey), self.steps, n), np.uint8) for name, n in self.populations.items()}
-        films["clock"][:, np.arange(self.ticks), np.arange(self.ticks)] = 1
+        clock = np.arange(self.populations["clock"])
+        films["clock"][:, np.minimum(clock, self.ticks - 1), clock] = 1
         now = np.arange(self.steps)[:, None]
         for number, image in enumerate(self.levels_of(grey)):
             times, (counts, _, onsets, silent) = counted(image, self.numbers)
-            both = np.maximum(np.roll(times, self.apart, axis=2), np.roll(times, -self.apart, axis=2))
             steps = {
                 "pixels": self.numbers.pixel_steps[image],
                 "filters": times,
-                "pairs": both + 1,
+                "pairs": pair_steps(times, self.numbers) + 1,
                 "onsets": onsets,
                 "pools": silent - 1,
             }
@@ -400,7 +413,12 @@ EVENT_FRONT_END = FrontEnd(levels=8, white=20, pixel_octaves=3.0, race=15, windo
 """The front end of the input ``frontend-events``, as `benchmarks.events.lens` chose it."""
 
 
+HEARD: Mapping[str, Any] = {"joined": 2, "needed": 3, "top": 0.85, "pixel_octaves": 4.5}
+"""Numbers of a front end whose cells neurons hear directly, as `benchmarks.front_end.direct` chose them; half as many
+pairs, for the energy of a step."""
+
+
 @lru_cache(maxsize=8)
 def front_end(levels: int, race: int, reading: int = 0) -> FrontEnd:
     """The front end of these settings, whose numbers are worked out once."""
-    return FrontEnd(levels=levels, race=race, reading=reading)
+    return FrontEnd(levels=levels, race=race, reading=reading, **(HEARD if reading else {}))

@@ -36,6 +36,8 @@ class RaceNumbers(NamedTuple):
         reach: Cells to each side that a pool listens to.
         most: Most spikes of a cell.
         columns: One of so many columns of pixels has filters.
+        joined: Sites side by side whose filters a pair hears.
+        needed: Spikes of these that it needs.
     """
 
     filters: NDArray[np.int32]
@@ -48,6 +50,8 @@ class RaceNumbers(NamedTuple):
     reach: int
     most: int
     columns: int
+    joined: int
+    needed: int
 
 
 @compiled(nogil=True)
@@ -122,6 +126,32 @@ def _filter_steps(grey: NDArray[np.uint8], numbers: RaceNumbers) -> NDArray[np.i
 
 
 @compiled(nogil=True)
+def pair_steps(times: NDArray[np.int32], numbers: RaceNumbers) -> NDArray[np.int32]:
+    """The step in which each pair has the spikes that it needs, int32 (rows, pairs of a row, directions).
+
+    Args:
+        times: The step in which each filter spikes, int32 (rows, columns, directions).
+        numbers: The front end.
+    """
+    height, sites, directions = times.shape
+    found = np.empty((height, sites // numbers.joined, directions), np.int32)
+    first = np.empty(numbers.needed + 1, np.int32)  # the earliest of those heard so far, in order
+    for y in range(height):
+        for x in range(found.shape[1]):
+            for k in range(directions):
+                first[:] = NEVER
+                for n in range(2 * numbers.joined):
+                    side = numbers.apart if n % 2 else directions - numbers.apart
+                    step, rank = times[y, x * numbers.joined + n // 2, (k + side) % directions], numbers.needed
+                    while rank > 0 and first[rank - 1] > step:
+                        first[rank] = first[rank - 1]
+                        rank -= 1
+                    first[rank] = step
+                found[y, x, k] = first[numbers.needed - 1]
+    return found
+
+
+@compiled(nogil=True)
 def raced(times: NDArray[np.int32], numbers: RaceNumbers) -> Raced:
     """What becomes of the filters' spikes.
 
@@ -131,20 +161,18 @@ def raced(times: NDArray[np.int32], numbers: RaceNumbers) -> Raced:
     """
     height, sites, directions = times.shape
     grid, channels = len(numbers.budgets), directions // 2
-    tall, wide = height // grid, sites // grid
+    pairs = pair_steps(times, numbers)
+    tall, wide = height // grid, pairs.shape[1] // grid
     first = np.full((channels, grid, grid), NEVER, np.int32)
     spikes = np.zeros(6, np.int64)
     spikes[0] = height * sites * numbers.columns
+    spikes[1], spikes[2] = (times < NEVER).sum(), (pairs < NEVER).sum()
     for y in range(height):
-        for x in range(sites):
-            here = times[y, x]
+        for x in range(pairs.shape[1]):
             for k in range(directions):
-                spikes[1] += here[k] < NEVER
-                pair = max(here[(k - numbers.apart) % directions], here[(k + numbers.apart) % directions])
-                if pair < NEVER:
-                    spikes[2] += 1
+                if pairs[y, x, k] < NEVER:
                     channel, row, column = k % channels, y // tall, x // wide
-                    first[channel, row, column] = min(first[channel, row, column], pair + 2)
+                    first[channel, row, column] = min(first[channel, row, column], pairs[y, x, k] + 2)
     counts = np.zeros((channels, grid, grid), np.int32)
     heard, silent = np.zeros((grid, grid), np.int64), np.full((grid, grid), NEVER, np.int32)
     new, reach = np.zeros((grid, grid), np.int64), numbers.reach

@@ -66,7 +66,7 @@ def populations(spec: FrontEnd) -> dict[str, NeuronGroup]:
         "clock": (0, first, NO_MEMORY_DECAY, 0),
         "pixels": (spec.pixel_threshold, None, NO_MEMORY_DECAY, 0),
         "filters": (spec.filter_threshold, None, 0, 0),
-        "pairs": (1, None, NO_MEMORY_DECAY, 0),
+        "pairs": (spec.needed - 1, None, NO_MEMORY_DECAY, 0),
         "onsets": (0, None, NO_MEMORY_DECAY, 0),
         "cells": (spec.cell_weight // 2, None, 0, NO_MEMORY_DECAY),
         "pools": (int(spec.budgets.max()) - 1, None, NO_MEMORY_DECAY, 0),
@@ -112,9 +112,9 @@ def all_weights(spec: FrontEnd) -> dict[tuple[str, str], csr_matrix]:
     begun = spec.window + spec.levels - 1
     levels, race = begun + np.arange(-len(spec.pixel_clock), 0), begun + np.arange(spec.race + 1)
     within, at = _around(spec)
-    pools = np.arange(sizes["pools"])
+    pools, clock = np.arange(sizes["pools"]), np.arange(sizes["clock"] - 1)
     made: dict[tuple[str, str], Pairs] = {
-        ("clock", "clock"): (np.arange(1, sizes["clock"]), np.arange(sizes["clock"] - 1), np.array([1])),
+        ("clock", "clock"): (clock + 1, np.minimum(clock, spec.ticks - 2), np.array([1])),
         ("clock", "pixels"): _ticks(sizes["pixels"], levels, spec.pixel_clock),
         ("clock", "filters"): _ticks(sizes["filters"], race, spec.filter_clock),
         ("clock", "cells"): _ticks(sizes["cells"], ends, np.array([-spec.silencing])),
@@ -152,19 +152,20 @@ def _seen(spec: FrontEnd) -> Pairs:
 
 
 def _both(spec: FrontEnd) -> Pairs:
-    """From the two filters of a pair."""
-    neurons, k = np.arange(spec.populations["pairs"])[:, None], np.arange(spec.directions)
-    k = np.tile(k, len(neurons) // spec.directions)[:, None]
-    others = (k + np.array([-spec.apart, spec.apart])) % spec.directions
-    return neurons, neurons - k + others, np.array([1])
+    """From the filters of a pair: two of each of its sites."""
+    pairs, k, site, side = np.ogrid[
+        : spec.populations["pairs"] // spec.directions, : spec.directions, : spec.joined, :2
+    ]
+    others = (k + (2 * side - 1) * spec.apart) % spec.directions
+    return pairs * spec.directions + k, (pairs * spec.joined + site) * spec.directions + others, np.array([1])
 
 
 def _of_a_cell(spec: FrontEnd) -> Pairs:
     """From all pairs of a cell and a channel, of both signs of contrast."""
-    sites = spec.width // COLUMNS
-    y, x, k = np.ogrid[: spec.height, :sites, : spec.directions]
-    cell = y // (spec.height // spec.grid) * spec.grid + x // (sites // spec.grid)
-    return k % spec.orientations * spec.grid**2 + cell, (y * sites + x) * spec.directions + k, np.array([1])
+    pairs = spec.width // (COLUMNS * spec.joined)
+    y, x, k = np.ogrid[: spec.height, :pairs, : spec.directions]
+    cell = y // (spec.height // spec.grid) * spec.grid + x // (pairs // spec.grid)
+    return k % spec.orientations * spec.grid**2 + cell, (y * pairs + x) * spec.directions + k, np.array([1])
 
 
 def _around(spec: FrontEnd) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -145,15 +145,15 @@ def _pixels(figure: Figure, found: Layers) -> None:
 
 
 def _edges(axes: Axes, found: Layers) -> None:
-    """The first edge where filters stand, as a stroke along it, in the colour of its direction."""
-    spec = found.spec
+    """The first edge where a pair stands, as a stroke along it, in the colour of its direction."""
+    spec, apart = found.spec, COLUMNS * found.spec.joined
     channels, steps = found.edges
     late = np.clip(3 * (steps - spec.window - spec.levels) // max(1, spec.race), 0, 2)
     for channel in range(spec.orientations):
-        half = 1.15 * COLUMNS / 2 * np.array(edge_direction(channel, spec.orientations))
+        half = 1.15 * apart / 2 * np.array(edge_direction(channel, spec.orientations))
         for thickness, width in enumerate(_THICK):
             rows, columns = np.nonzero((channels == channel) & (late == thickness) & (steps < spec.steps))
-            middles = np.stack([COLUMNS * columns + 0.5, 2 * rows + 1.0], axis=1)
+            middles = np.stack([apart * columns + (apart - 1) / 2, 2 * rows + 1.0], axis=1)
             ends = np.stack([middles - half, middles + half], axis=1).reshape(-1, 2)
             codes = np.tile([Outline.MOVETO, Outline.LINETO], len(rows)).astype(np.uint8)
             if len(rows):

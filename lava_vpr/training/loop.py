@@ -264,7 +264,7 @@ def integer_network(
     """
     network = integer_config(config, "quantising").network
     shown = shown_references(stretches, activity, config)
-    return quantise.quantise(quantise.distinctive(learned, network, shown), network, shown, config.encoder.direct)
+    return quantise.quantise(quantise.distinctive(learned, network, shown), network, shown, config.encoder)
 
 
 def joined(

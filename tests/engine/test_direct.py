@@ -21,7 +21,7 @@ from lava_vpr.loihi import INPUT_SHIFT
 
 def spec_of(**numbers: int) -> FrontEnd:
     """A small front end whose cells are heard."""
-    return FrontEnd(8, **{"reading": 4, "levels": 12, "race": 8, "budget": 60} | numbers)
+    return FrontEnd(8, **{"reading": 4, "levels": 12, "race": 8, "budget": 60, "joined": 2, "needed": 3} | numbers)
 
 
 def network_of(spec: FrontEnd, seed: int, neurons: int = 9, **changes: int) -> FixedNetwork:
@@ -38,7 +38,9 @@ def network_of(spec: FrontEnd, seed: int, neurons: int = 9, **changes: int) -> F
         decay=int(rng.integers(0, 4097)),
         steps=spec.ticks,
         regular=True,
-        direct=spec.offset_step,
+        direct=spec.begin,
+        rising=spec.rising,
+        rise=int(rng.integers(0, 40)),
     )
     made = replace(made, **changes)
     made.check()
@@ -63,8 +65,11 @@ def images(seed: int, spec: FrontEnd) -> NDArray[np.uint8]:
     reading=st.integers(1, 16),
     budget=st.integers(1, 200),
     most=st.integers(1, 7),
+    joined=st.sampled_from([1, 2]),
+    needed=st.integers(1, 4),
 )
 def test_the_kernel_spikes_as_all_populations_do(seed: int, **numbers: int) -> None:
+    numbers["needed"] = min(numbers["needed"], 2 * numbers["joined"])
     spec = spec_of(**numbers)
     whole = WholeNetwork.of(spec, network_of(spec, seed))
     shown = images(seed, spec)
@@ -76,7 +81,7 @@ def test_the_kernel_spikes_as_all_populations_do(seed: int, **numbers: int) -> N
 
 def test_neurons_spike_in_steps_of_reading_and_are_silent_when_the_next_image_comes() -> None:
     spec = spec_of()
-    whole = WholeNetwork.of(spec, network_of(spec, 1, threshold=5, inhibition=0, decay=300))
+    whole = WholeNetwork.of(spec, network_of(spec, 1, threshold=5, inhibition=0, decay=300, rise=200))
     exc = whole.trains(images(2, spec))["exc"]
     assert exc[0, spec.end :].any(axis=1)[: spec.reading].all()
     assert not exc[:, spec.ticks :].any()
@@ -84,7 +89,7 @@ def test_neurons_spike_in_steps_of_reading_and_are_silent_when_the_next_image_co
 
 def test_no_bias_that_is_allowed_makes_a_neuron_spike_alone() -> None:
     spec = spec_of(reading=16)
-    good = network_of(spec, 1, threshold=500, decay=341)
+    good = network_of(spec, 1, threshold=500, decay=341, rise=0)
     most = replace(good, bias=np.full_like(good.bias, good.highest_added << INPUT_SHIFT))
     blank, key = np.zeros((1, good.inputs), np.uint16), np.zeros(1, np.uint64)
     assert not count_spikes(most, blank, key)[0].any()
@@ -96,7 +101,7 @@ def test_currents_shrink_as_the_chips_do() -> None:
     spec = spec_of(reading=30)
     shown = images(8, spec)[:1]
     whole = 7 * int(spec.trains(shown)["cells"].sum())
-    lone = network_of(spec, 9, neurons=1, threshold=whole - 1, decay=4096, inhibition=0)
+    lone = network_of(spec, 9, neurons=1, threshold=whole - 1, decay=4096, inhibition=0, rise=0)
     made = WholeNetwork.of(spec, replace(lone, weights=np.full_like(lone.weights, 7), bias=0 * lone.bias))
     spikes = made.trains(shown)["exc"].sum()
     assert 0 < spikes < spec.reading
@@ -124,11 +129,13 @@ def test_bursts_of_altered_images_stay_within_the_race() -> None:
 
 def test_what_could_not_be_silenced_or_heard_is_refused() -> None:
     spec = spec_of()
-    good = network_of(spec, 5)
+    good = network_of(spec, 5, rise=0)
     many = replace(good, weights=np.full((SILENCING // 49 + 1, good.neurons), 7, np.int16), bias=0 * good.bias)
-    with pytest.raises(NetworkLimitError, match="one synapse silences at most"):
+    with pytest.raises(NetworkLimitError, match="but the clock takes"):
         many.check()
     replace(many, weights=many.weights[1:]).check()
+    with pytest.raises(NetworkLimitError, match="cells and the clock can bring a neuron"):
+        replace(many, weights=many.weights[1:], rise=10).check()
     with pytest.raises(NetworkLimitError, match="a bias is no whole weight"):
         replace(good, bias=good.bias + 1).check()
     most = np.full_like(good.bias, good.highest_added << INPUT_SHIFT)
@@ -145,7 +152,7 @@ def test_what_could_not_be_silenced_or_heard_is_refused() -> None:
 
 def test_counts_do_not_depend_on_other_images_or_threads() -> None:
     spec = spec_of()
-    network, shown = network_of(spec, 6, threshold=5), images(7, spec)
+    network, shown = network_of(spec, 6, threshold=5, rise=200), images(7, spec)
     bursts = np.array([spec.burst_codes(spec.bursts(image)).ravel() for image in shown])
     keys = np.zeros(len(shown), np.uint64)
     together = count_spikes(network, bursts, keys, threads=2)

@@ -74,7 +74,7 @@ def whole() -> WholeNetwork:
     weights = np.where(channel == np.arange(8), 7, -1).astype(np.int16)
     bias = -np.arange(8, dtype=np.int32) << INPUT_SHIFT
     numbers = {"bits": 3, "signed": True, "threshold": 20, "inhibition": 9, "inhibition_exponent": 4, "decay": 300}
-    steps = {"steps": spec.ticks, "regular": True, "direct": spec.offset_step}
+    steps = {"steps": spec.ticks, "regular": True, "direct": spec.begin, "rising": spec.rising, "rise": 2}
     return WholeNetwork.of(spec, FixedNetwork(weights, bias, **numbers, **steps))  # type: ignore[arg-type]
 
 

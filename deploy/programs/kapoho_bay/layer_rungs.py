@@ -74,7 +74,7 @@ def layer_rungs(steps: int, heard: bool = False) -> List[LayerRung]:
     """
     once, later, lasting = (*SUMMING, AT_ONCE), (*SUMMING, SUMMED), (*LASTING, 500)
     pixel, pair, pool, cell = (*SUMMING, 300), (*SUMMING, 1), (*SUMMING, 4), (*REPEATING, 8)
-    place, root = (0, 341, 400), (*SUMMING, 3)
+    place, root = (*REPEATING, 60), (*SUMMING, 3)
     sources, twice = [once, later, once], [[BEGIN, LATER, NEVER]] * 2
     taken = [(3, 3, -16), (4, 4, -16)]  # of two cells, from their own currents
     ended = [(6, 3, SILENCE), (6, 4, SILENCE)]  # of neurons of places, by the neuron that ends a rung
@@ -98,10 +98,10 @@ def layer_rungs(steps: int, heard: bool = False) -> List[LayerRung]:
 
     places = rung(
         "exc",
-        "a current that lasts keeps a leaking neuron spiking, inhibition lasts, and one synapse ends both",
-        "leaks are not those of dv, inhibition does not last, or neurons spike beyond the end of a query",
+        "a current that lasts keeps a neuron spiking, inhibition that lasts ends it, and one synapse silences all",
+        "membranes keep what dv takes, inhibition does not last, or neurons spike beyond the end of a query",
         [*sources, place, place, root],
-        [(0, 3, 127), (1, 4, 100), *[(i, 5, 4) for i in (3, 4)], *[(5, i, -9) for i in (3, 4)], *ended],
+        [(0, 3, 127), (1, 4, 100), (3, 5, 4), (4, 5, 4), (5, 4, -9), *ended],
         twice,
     )
     return [

@@ -1,18 +1,19 @@
 """The network of places that hears the cells of the spiking front end themselves: the kernel of these presentations.
 
 One run takes an image from pixels to places. Cells spike in bursts (`lava_vpr.inputs.front_end.FrontEnd.burst_codes`);
-currents of the neurons of places keep what bursts and inhibition add, but for what rounding takes, and membranes
-integrate currents. So a neuron's spikes in the steps after the bursts measure its whole drive. Per step, as
-`lava_vpr.engine.general.lif` has it::
+currents of the neurons of places keep what bursts, bias and inhibition add, but for what rounding takes, so that a
+current is a neuron's whole drive. From the step ``rising`` on the clock raises all currents alike, step by step, until
+the most driven neurons spike; the root then lowers all. So currents move up and down around the threshold, and a neuron
+spikes in the more of these steps the more it is driven. Per step, as `lava_vpr.engine.general.lif` has it::
 
     a  = sum of weights of the cells that spiked in the step before - inhibition, if the root spiked in the step before
-         + bias, once, in the step ``direct``; - `SILENCING`, once, in the step ``steps``
+         + bias, once, in the step ``direct``; + rise, from the step ``rising`` on; - `SILENCING`, once, in ``steps``
     u' = sign(u) (|u| 4095 >> 12) + (a << 6), wrapped into 24 bits
     v' = clip(sign(v) (|v| (4096 - dv) >> 12) + u', +-(2^23 - 1))
     spike if v' > vth << 6, then v' = 0
 
-The clock of the front end adds bias and silencing: what all places share is taken off once the race ends, and no neuron
-spikes after the last step but two.
+The clock of the front end adds bias, rise and silencing: what all places share is taken off before the race, and no
+neuron spikes after the last step but two.
 """
 
 from __future__ import annotations
@@ -25,10 +26,11 @@ from numpy.typing import NDArray
 from lava_vpr.engine.inference.fixed_kernels import KernelNumbers, add_rows, fire, kept
 from lava_vpr.inputs.front_end import BURST
 from lava_vpr.kernelcache import compiled
-from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT, SIGNED_WEIGHT_LIMIT, STATE_LIMIT, WEIGHT_EXPONENT_LIMIT
+from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT, STATE_LIMIT, WEIGHT_EXPONENT_LIMIT
 
-SILENCING = SIGNED_WEIGHT_LIMIT << WEIGHT_EXPONENT_LIMIT
-"""What silences a neuron for the rest of a presentation: the most that one synapse takes, in units of the weights."""
+SILENCING = 2 * (96 << WEIGHT_EXPONENT_LIMIT)
+"""What silences a neuron for the rest of a presentation, in units of the weights: two synapses take it, and leave a
+quarter of what the input sum of a step holds on Loihi 1 to inhibition in the same step."""
 
 
 @compiled(nogil=True)
@@ -91,9 +93,9 @@ def present_direct(
             arriving = cells[begins[step - 1] : begins[step]]
             events[0] += add_rows(weights, row_sizes, arriving, acc)
             events[1] += arriving.size
-            added[:] = 0
+            added[:] = numbers.rise << INPUT_SHIFT if numbers.rising <= step < numbers.steps else np.int32(0)
             if step == numbers.direct:
-                added[:neurons] = bias[q if bias.shape[0] > 1 else 0]
+                added[:neurons] += bias[q if bias.shape[0] > 1 else 0]
             elif step == numbers.steps:
                 added[:] = -(SILENCING << INPUT_SHIFT)
             pull = numbers.lateral if volley else np.int32(0)

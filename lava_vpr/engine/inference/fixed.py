@@ -54,7 +54,7 @@ SCALARS = (
 """The scalar fields of every `FixedNetwork`, all but weights and biases; files use the same names. Only one that hears
 cells directly has `OF_DIRECT`, too."""
 
-OF_DIRECT = "direct"
+OF_DIRECT = ("direct", "rising", "rise")
 
 FAN_IN = CORE_AXONS
 """Neurons that one inhibitory neuron can listen to: each needs an input axon of its core."""
@@ -108,6 +108,7 @@ class FixedNetwork:
             are injected.
         direct: The step in which ``bias`` comes, once, as a current, where the network hears the cells of a front end
             themselves (`lava_vpr.engine.inference.direct`); 0: inputs have rates.
+        rising, rise: The step from which on every step of such a network adds to all currents, and how much.
         model: The neuron model (`lava_vpr.neurons.models`); boards, Processes and other formats have ``lif`` alone.
     """
 
@@ -123,6 +124,8 @@ class FixedNetwork:
     regular: bool = False
     bias_input: bool = False
     direct: int = 0
+    rising: int = 0
+    rise: int = 0
     model: str = LIF.name
 
     @classmethod
@@ -136,7 +139,7 @@ class FixedNetwork:
             NetworkLimitError: a truth value is none.
         """
         numbers: dict[str, Any] = {name: int(scalars[name]) for name in SCALARS}
-        numbers[OF_DIRECT] = int(scalars.get(OF_DIRECT, 0))
+        numbers |= {name: int(scalars.get(name, 0)) for name in OF_DIRECT}
         for name in ("signed", "regular", "bias_input"):
             if numbers[name] not in (0, 1):
                 raise NetworkLimitError(f"{name} {numbers[name]} is neither 0 nor 1; train the model again")
@@ -146,8 +149,8 @@ class FixedNetwork:
     @property
     def scalars(self) -> dict[str, int]:
         """The numbers besides weights and biases, by name (`SCALARS`)."""
-        own = {OF_DIRECT: self.direct} if self.direct else {}
-        return {name: int(getattr(self, name)) for name in SCALARS} | own
+        names = (*SCALARS, *(OF_DIRECT if self.direct else ()))
+        return {name: int(getattr(self, name)) for name in names}
 
     @property
     def inputs(self) -> int:
@@ -264,6 +267,8 @@ class FixedNetwork:
             leaf=FAN_IN if self.leaves else 0,
             regular=self.regular,
             direct=self.direct,
+            rising=self.rising,
+            rise=np.int32(self.rise),
         )
         return Prepared(laid_out(self.weights), np.count_nonzero(self.weights, axis=1).astype(np.int64), numbers)
 
@@ -283,7 +288,7 @@ class FixedNetwork:
     def extremes(self) -> tuple[int, int]:
         """The most that the spikes of one step can add to a neuron's input sum, and the most that they can subtract."""
         up, down = self.sums
-        return up, down + self.lateral
+        return up, max(down, SILENCING if self.direct else 0) + self.lateral
 
     @cached_property
     def narrow(self) -> bool:
@@ -348,16 +353,17 @@ class FixedNetwork:
 
     def _check_direct(self) -> None:
         """Refuse a network that hears cells directly, but could not be silenced, or listened to."""
-        most, added = (BURST - 1) * self.sums[0], self.bias >> INPUT_SHIFT
-        if self.leaves or not self.direct < self.steps:
+        risen = self.rise * (self.steps - self.rising)
+        most, added = (BURST - 1) * self.sums[0] + risen, self.bias >> INPUT_SHIFT
+        if self.leaves or not self.direct < self.rising < self.steps:
             raise NetworkLimitError(
                 f"{self.neurons:,} neurons in {self.steps} steps cannot hear cells directly; learn fewer than "
                 f"{FAN_IN:,} places, or with --input frontend"
             )
         if most + int(added.max(initial=0)) >= SILENCING or int(np.abs(added).max(initial=0)) > SILENCING:
             raise NetworkLimitError(
-                f"the bursts of cells can bring a neuron {most:,} and its bias {int(np.abs(added).max(initial=0)):,}, "
-                f"but one synapse silences at most {SILENCING:,}; use fewer weight bits"
+                f"cells and the clock can bring a neuron {most:,} and its bias {int(np.abs(added).max(initial=0)):,}, "
+                f"but the clock takes {SILENCING:,} at its end; use fewer weight bits"
             )
         if (added << INPUT_SHIFT != self.bias).any() or int(added.max(initial=0)) > self.highest_added:
             raise NetworkLimitError(

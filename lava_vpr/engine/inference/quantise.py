@@ -19,8 +19,16 @@ from lava_vpr.engine.inference.biases import held_biases
 from lava_vpr.engine.inference.fixed import FixedNetwork, silent_steps
 from lava_vpr.engine.inference.surroundings import Shown, surroundings
 from lava_vpr.errors import ConfigError
+from lava_vpr.inputs.encoder import EncoderConfig
 from lava_vpr.inputs.front_end import BURST, FrontEnd
-from lava_vpr.loihi import BIAS_BITS, BIAS_EXPONENT_LIMIT, DECAY_BITS, INPUT_SHIFT, SIGNED_WEIGHT_LIMIT
+from lava_vpr.loihi import (
+    BIAS_BITS,
+    BIAS_EXPONENT_LIMIT,
+    DECAY_BITS,
+    INPUT_SHIFT,
+    NO_MEMORY_DECAY,
+    SIGNED_WEIGHT_LIMIT,
+)
 
 Weight = TypeVar("Weight", np.float32, np.float64)
 
@@ -29,8 +37,8 @@ TOP_PERCENTILE = 99.9
 
 BURST_STEPS = 10
 """Steps of the race in which nearly all spikes of cells fall."""
-HEARD = 5.4
-"""Steps of the drive that a threshold of 1 stands for where neurons hear cells directly."""
+RISE = 0.1
+"""What the clock adds in a step of reading where neurons hear cells directly, in thresholds."""
 
 RATE_UNIT = 1 << 16
 """Rates are in units of 1 / RATE_UNIT spikes a step."""
@@ -160,7 +168,7 @@ def check_steps(network: LifNetwork, neurons: int) -> int:
 
 
 def quantise(
-    weights: NDArray[np.float64], network: LifNetwork, shown: Sequence[Shown], direct: FrontEnd | None = None
+    weights: NDArray[np.float64], network: LifNetwork, shown: Sequence[Shown], encoder: EncoderConfig | None = None
 ) -> FixedNetwork:
     """The integer network of ``weights`` (inputs, neurons) from `distinctive`.
 
@@ -168,7 +176,7 @@ def quantise(
         weights: Of norm 1.
         network: Settings.
         shown: The references, stretch after stretch; together they hold all neurons.
-        direct: The front end whose cells the neurons hear themselves (`burst_rates`); None: inputs have rates.
+        encoder: Settings of the inputs, which neurons may hear directly (`burst_rates`); None: inputs have rates.
     Raises:
         ConfigError: no reference drives its neuron more than the others do, or a presentation would have silent steps
             only.
@@ -183,11 +191,11 @@ def quantise(
             "no neuron is driven by its own place: all reference images are alike, as far as inputs see them, or "
             "learning.eta is too small; give images of different places"
         )
-    if direct is None:
+    if encoder is None or encoder.direct is None:
         fixed = scaled(network, integers, unit)
         fixed = replace(fixed, bias=biases_of(drives, fixed.safe_bias))
     else:
-        fixed = heard_directly(network, integers, unit, direct)
+        fixed = heard_directly(network, integers, unit, encoder, encoder.direct)
         added = np.minimum(-np.rint(drives * BURST_STEPS), fixed.highest_added).astype(np.int32)
         fixed = replace(fixed, bias=added << INPUT_SHIFT)
     fixed.check()
@@ -199,31 +207,37 @@ def burst_rates(bursts: NDArray[np.uint16]) -> NDArray[np.uint16]:
     return (bursts % BURST * (RATE_UNIT // BURST_STEPS)).astype(np.uint16)
 
 
-def heard_directly(network: LifNetwork, weights: NDArray[np.int16], unit: float, front_end: FrontEnd) -> FixedNetwork:
+def heard_directly(
+    network: LifNetwork, weights: NDArray[np.int16], unit: float, encoder: EncoderConfig, front_end: FrontEnd
+) -> FixedNetwork:
     """The integer network, without biases, of neurons that hear the cells of ``front_end`` themselves.
 
-    What a burst brings stays: the threshold is a multiple of `HEARD` steps of the drive, and inhibition, which stays as
-    well, of what they bring in a step of reading.
+    What a burst brings stays, so that membranes need not keep it. From the end of the race on the clock adds `RISE`
+    thresholds in each step, until the most driven neurons spike; then the root takes its share from all, and so on.
 
     Args:
-        network: The settings; threshold and inhibition are multiples of ``unit``.
+        network: Settings of the weights.
         weights: Integer weights, int16 (inputs, neurons).
         unit: Drive of a neuron by an image of its own place, in units of the weights, over `BURST_STEPS` steps.
+        encoder: Settings of reading; the threshold is a multiple of ``unit``.
         front_end: The front end.
     """
-    mantissa, exponent = mantissa_of(network.inhibition * HEARD * unit / front_end.reading)
+    threshold = encoder.read_threshold * unit
+    mantissa, exponent = mantissa_of(encoder.read_inhibition * threshold)
     return FixedNetwork(
         weights=weights,
         bias=np.zeros(weights.shape[1], np.int32),
         bits=network.weight_bits,
         signed=network.signed,
-        threshold=max(1, round(network.threshold * HEARD * unit)),
+        threshold=max(1, round(threshold)),
         inhibition=mantissa,
         inhibition_exponent=exponent,
-        decay=min((1 << DECAY_BITS) - 1, round((1 << DECAY_BITS) / network.tau_membrane)),
+        decay=NO_MEMORY_DECAY,
         steps=front_end.ticks,
         regular=True,
-        direct=front_end.offset_step,
+        direct=front_end.begin,
+        rising=front_end.rising,
+        rise=round(RISE * threshold),
     )
 
 

@@ -46,7 +46,12 @@ class WholeNetwork(FrontEnd):
             NetworkLimitError: the network is of another front end.
         """
         cells = spec.populations["cells"]
-        if (network.inputs, network.steps, network.direct) != (cells, spec.ticks, spec.offset_step):
+        if (network.inputs, network.steps, network.direct, network.rising) != (
+            cells,
+            spec.ticks,
+            spec.begin,
+            spec.rising,
+        ):
             raise NetworkLimitError("the network does not hear the cells of this front end; train the model again")
         return cls(**settings_of(spec), network=network, counted=counted)
 
@@ -79,9 +84,10 @@ class WholeNetwork(FrontEnd):
     def further_weights(self) -> dict[tuple[str, str], csr_matrix]:
         """Their synapses; see `lava_vpr.inputs.front_end_network.all_weights`."""
         network, ones = self.places, np.ones((1, self.places.neurons), np.int64)
-        clock = np.zeros((network.neurons, self.ticks), np.int64)
-        clock[:, self.offset_step - 1] = network.bias >> INPUT_SHIFT
-        clock[:, self.ticks - 1] -= SILENCING
+        clock = np.zeros((network.neurons, self.populations["clock"]), np.int64)
+        clock[:, network.rising - 1 : network.steps - 1] = network.rise
+        clock[:, network.direct - 1] += network.bias >> INPUT_SHIFT
+        clock[:, network.steps - 1 :] -= SILENCING // 2
         made = {
             ("clock", "exc"): clock,
             ("cells", "exc"): network.weights.T.astype(np.int64),

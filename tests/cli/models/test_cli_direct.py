@@ -52,7 +52,7 @@ def test_every_place_is_recognised_and_the_file_keeps_it(direct: Path) -> None:
     model = integer_model(load(direct), "the test")
     spec = model.config.encoder.direct
     assert spec is not None
-    assert (model.network.interval, model.network.direct) == (spec.steps, spec.offset_step) == (53, 32)
+    assert (model.network.interval, model.network.direct) == (spec.steps, spec.begin) == (49, 22)
     queries = encode_traverse(open_traverse("query"), model.config.encoder, Keep.GREY)
     counts = counts_of(WholeNetwork.of(spec, model.network), queries.kept(Keep.GREY, "the test"))
     assert counts.argmax(axis=1).tolist() == list(range(PLACES))
@@ -86,7 +86,7 @@ def test_a_bundle_counts_as_the_host_from_its_files_alone(direct: Path) -> None:
 
 def test_a_bundle_for_loihi_2_counts_as_the_host_from_its_files_alone(direct: Path) -> None:
     said = run("deploy", "d.lvpr", "--target", "loihi2", "-o", "b", "--json", "d.json").stdout
-    assert "it takes 53 steps, and neurons are reset every 64." in " ".join(said.split())
+    assert "it takes 49 steps, and neurons are reset every 64." in " ".join(said.split())
     assert json.loads(Path("d.json").read_text())["target"] == "loihi2"
     run("verify", "b", "query", "--limit", "2", "--backend", "bundle", "--json", "v.json")
     backends = json.loads(Path("v.json").read_text())["backends"]
@@ -158,9 +158,9 @@ def test_a_bundle_of_another_network_is_refused(direct: Path) -> None:
         ({core: array_bytes(words)}, {}, core),
         ({"host/counts.npy": array_bytes(np.load("b/host/counts.npy") + 1)}, {}, "host/counts.npy"),
         ({"host/weights.npy": array_bytes(1000 * weights)}, {}, "host/weights.npy: is no network of ours"),
-        ({}, {"direct": 31}, "no valid bias in step 31 where the settings say 32"),
-        ({}, {"direct": 0}, "has direct 0, of 1..50"),
-        ({}, {"steps": 60}, "no valid presentations of steps 62 where the settings say 53"),
+        ({}, {"direct": 31}, "no valid bias in step 31 where the settings say 22"),
+        ({}, {"direct": 0}, "has direct 0, of 1..46"),
+        ({}, {"steps": 60}, "no valid presentations of steps 62 where the settings say 49"),
     ):
         manifest = {**told, "network": {**told["network"], **change}}
         bundle_folder.write(Path("changed"), manifest, {**whole.files, **changed})

@@ -108,9 +108,9 @@ def test_parameters_have_the_names_of_lavas_arguments() -> None:
         **{"shape": [32], "du": 4095, "dv": 0, "vth": 209, "bias_mant": 0, "bias_exp": 6},
         **reset,
     }
-    assert told["populations"]["clock"]["bias_mant"] == [1] + [0] * (SPEC.ticks - 1)
+    assert told["populations"]["clock"]["bias_mant"] == [1] + [0] * SPEC.ticks
     assert told["populations"]["exc"] == {
-        **{"shape": [7], "du": 0, "dv": 341, "vth": 20, "bias_mant": 0, "bias_exp": 0},
+        **{"shape": [7], "du": 0, "dv": 4095, "vth": 20, "bias_mant": 0, "bias_exp": 0},
         **reset,
     }
     assert min(one["vth"] for one in told["populations"].values()) == 1
@@ -203,11 +203,11 @@ ROWS = "network/00-clock-clock/weights.npy"
 @pytest.mark.parametrize(
     ("change", "files", "said"),
     [
-        ({}, {ROWS: array_bytes(np.full(50, 3, np.int16))}, f"{ROWS}: contradicts the rest"),
+        ({}, {ROWS: array_bytes(np.full(47, 3, np.int16))}, f"{ROWS}: contradicts the rest"),
         ({}, {"network/parameters.json": b"{}"}, "network/parameters.json: contradicts the rest"),
         ({}, {"network/more.npy": b""}, "network/more.npy: is no part of the network"),
         ({}, {"host/counts.npy": array_bytes(np.zeros((PLACES, PLACES), np.int32))}, "host/counts.npy: contradicts"),
-        ({"front_end": {"steps": 53}}, {}, "manifest.json: what it says of a front end is not what its settings make"),
+        ({"front_end": {"steps": 50}}, {}, "manifest.json: what it says of a front end is not what its settings make"),
     ],
 )
 def test_other_files_are_refused(

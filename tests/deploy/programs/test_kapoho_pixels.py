@@ -43,7 +43,9 @@ def network(neurons: int = 7) -> FixedNetwork:
         decay=341,
         steps=SPEC.ticks,
         regular=True,
-        direct=SPEC.offset_step,
+        direct=SPEC.begin,
+        rising=SPEC.rising,
+        rise=1,
     )
     made.check()
     return made

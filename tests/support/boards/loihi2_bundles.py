@@ -70,10 +70,12 @@ def hearing(spec: FrontEnd = SPEC, seed: int = 2, neurons: int = 7, **changes: A
         threshold=20,
         inhibition=3,
         inhibition_exponent=4,
-        decay=341,
+        decay=4095,
         steps=spec.ticks,
         regular=True,
-        direct=spec.offset_step,
+        direct=spec.begin,
+        rising=spec.rising,
+        rise=1,
     )
     made = replace(made, **changes)
     made.check()
