@@ -178,10 +178,10 @@ class TruthOptions:
                 any(map(in_photos, self.positions or ())),
                 "--positions takes files here; train with --positions exif, and give --query-positions exif",
             ),
-            (by_files and told, "--positions tells of both traverses; leave out --query-positions"),
+            (by_files and told, "--positions gives the positions of both traverses; leave out --query-positions"),
             (
                 self.radius is not None and self.gt is not None,
-                "--radius needs positions, and --gt says itself what is correct; give one of them",
+                "--radius needs positions, while --gt lists the correct answers; give one of them",
             ),
             (
                 self.tolerance and self.gt is None and (by_files or told),

@@ -122,7 +122,7 @@ class Benchmark:
     def _opened(self, root: str, excluded: dict[str, Any]) -> OpenedDataset:
         given = [f"--{name.replace('_', '-')}" for name, value in excluded.items() if value]
         if given:
-            raise UsageError(f"--dataset says itself which images are taken; leave out {', '.join(given)}")
+            raise UsageError(f"--dataset selects the images; leave out {', '.join(given)}")
         opened = find_layout(self.name or "", root)
         if self.section is not None:
             opened.dataset.section(self.section)
