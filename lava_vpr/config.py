@@ -302,6 +302,12 @@ class Config:
             kinds = " or ".join(repr(name) for name, row in INPUTS.items() if row.grey_levels)
             raise ConfigError(f"the conductance network takes encoder.kind {kinds}, not {self.encoder.kind!r}")
 
+    @property
+    def steps(self) -> int:
+        """Steps of a presentation: of the front end whose cells the neurons hear directly, else the network's own."""
+        before = self.encoder.direct
+        return self.network.steps if before is None else before.steps
+
     def neurons_for(self, places: int) -> int:
         """Excitatory neurons of one stretch of ``places`` places in one view."""
         if isinstance(self.network, LifNetwork) and self.network.neurons == 0:

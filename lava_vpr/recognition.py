@@ -341,7 +341,7 @@ def as_json(model: Model, result: Recognition, errors: PositionErrors | None = N
         "network": {
             "neurons": model.neurons,
             "weight_bits": model.weight_bits,
-            "steps": model.config.network.steps,
+            "steps": model.config.steps,
         },
         "default_decoder": result.default,
         "decoders": figures["decoders"],

@@ -47,8 +47,8 @@ CHOOSING = ((PlacesSection("nordland", 0, 200), 0), (PlacesSection("gardens", 0,
 """Where settings are chosen, and how many places off an answer may be."""
 
 
-@program("nordland", "nordland_long", "gardens")
-@click.option("--choose", is_flag=True, help="The search for lengths, threshold and inhibition.")
+@program("nordland", "gardens")
+@click.option("--choose", is_flag=True, help="The search for the front end, lengths and threshold.")
 @seeds_option
 def main(seeds: Sequence[int], choose: bool) -> Printed:
     """Recall of neurons that hear the cells themselves."""

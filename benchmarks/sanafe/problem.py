@@ -1,11 +1,14 @@
 """A plan and some queries as the JSON that `benchmarks.sanafe.worker` sets up in SANA-FE.
 
-    {"columns", "rows", "tile_cores": of the mesh; "tiles": number of the last tile in use, and one more, "port_units":
-    inputs whose spikes are injected, "port_takes_time": whether sending them does, "steps", "silent_steps", "groups":
-    [{"name", "tile", "core": within its tile, "size", "plays": a train, "attributes": of the soma, "own_biases":
-    [[index, bias]] that stay}], "synapses": [{"from", "to": groups, "kind": "dense" | "sparse", "pre", "post",
-    "weights"}], "queries": [{"trains": [[group, index, [0 | 1, ...]]], "biases": [[group, index, bias, potential]] that
-    are 0 in the silent steps, "own_biases": [[group, index, bias]] that replace those of the groups}]}
+    {"columns", "rows", "tile_cores": of the mesh; "tiles": number of the last tile in use, and one more,
+     "port_units": inputs whose spikes are injected, "port_takes_time": whether sending them does,
+     "steps", "silent_steps",
+     "groups": [{"name", "tile", "core": within its tile, "size", "plays": a train, "attributes": of the soma,
+                 "own_biases": [[index, bias]] that stay}],
+     "synapses": [{"from", "to": groups, "kind": "dense" | "sparse", "pre", "post", "weights"}],
+     "queries": [{"trains": [[group, index, [0 | 1, ...]]],
+                  "biases": [[group, index, bias, potential]] that are 0 in the silent steps,
+                  "own_biases": [[group, index, bias]] that replace those of the groups}]}
 
 Groups stand in the order of each core's compartments. A unit of weight, threshold, bias and potential is 2^6 of v.
 SANA-FE's soma computes v' = trunc(v keep) + bias + sum with doubles that hold every number of ours exactly, so its exc

@@ -61,7 +61,7 @@ def model_facts(model: Model, decoder: str) -> dict[str, object]:
         "neurons": model.neurons,
         "inputs": model.config.encoder.inputs,
         "weight_bits": model.weight_bits,
-        "steps": model.config.network.steps,
+        "steps": model.config.steps,
         "input_spikes_per_step": model.config.encoder.query_spikes,
         "decoder": decoder,
     }

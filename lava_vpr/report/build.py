@@ -50,7 +50,7 @@ def report_data(
         "queries": str(len(queries)),
         "neurons": str(model.neurons),
         "weights": f"{model.weight_bits} bits" if model.weight_bits else "float",
-        "steps": str(config.network.steps),
+        "steps": str(config.steps),
         "input": f"{config.encoder.inputs} ({kind.name})",
         "preset": config.preset,
         "seed": str(config.seed if seed is None else seed),

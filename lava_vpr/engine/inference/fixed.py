@@ -363,7 +363,8 @@ class FixedNetwork:
         if most + int(added.max(initial=0)) >= SILENCING or int(np.abs(added).max(initial=0)) > SILENCING:
             raise NetworkLimitError(
                 f"cells and the clock can bring a neuron {most:,} and its bias {int(np.abs(added).max(initial=0)):,}, "
-                f"but the clock takes {SILENCING:,} at its end; use fewer weight bits"
+                f"but the clock takes {SILENCING:,} to silence it; use fewer weight bits or a lower "
+                "encoder.read_threshold"
             )
         if (added << INPUT_SHIFT != self.bias).any() or int(added.max(initial=0)) > self.highest_added:
             raise NetworkLimitError(

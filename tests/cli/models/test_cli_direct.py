@@ -47,8 +47,9 @@ def answers(*words: object) -> list[dict[str, str]]:
 
 def test_every_place_is_recognised_and_the_file_keeps_it(direct: Path) -> None:
     run("eval", "d.lvpr", "query", "--json", "e.json")
-    decoders = json.loads(Path("e.json").read_text())["decoders"]
-    assert decoders["contrast"]["recall_at_1"] == 1
+    evaluated = json.loads(Path("e.json").read_text())
+    assert evaluated["decoders"]["contrast"]["recall_at_1"] == 1
+    assert evaluated["network"]["steps"] == 49
     model = integer_model(load(direct), "the test")
     spec = model.config.encoder.direct
     assert spec is not None
