@@ -168,31 +168,30 @@ SEARCHED = (
 )
 
 
-WAYS: tuple[tuple[str, str, str], ...] = (
-    ("loihi", "frontend-direct", "stdp"),
-    ("loihi", "frontend-direct", "template"),
-    ("loihi", "frontend", "stdp"),
-    ("loihi", "frontend", "template"),
-    ("fast", "frontend-direct", "stdp"),
-    ("fast", "frontend", "stdp"),
+WAYS: tuple[tuple[str, str, str, tuple[int, ...]], ...] = (
+    ("loihi", "frontend-direct", "stdp", ()),
+    ("loihi", "frontend-direct", "template", ()),
+    *(("loihi", "frontend-direct", "stdp", lengths) for lengths in ((23, 13, 8), (24, 12, 8), (26, 12, 6))),
+    ("loihi", "frontend", "stdp", ()),
+    ("loihi", "frontend", "template", ()),
+    ("fast", "frontend-direct", "stdp", ()),
+    ("fast", "frontend", "stdp", ()),
 )
-"""Preset, input and rule of each row."""
+"""Preset, input and rule of each row, and its levels, race and reading if they are not the preset's."""
 
 
 def compared(seeds: Sequence[int]) -> BenchmarkTable:
     """Neurons that hear the cells beside those that get rates of their counts, and beside HOG."""
     rows, hog = [], None
-    for name, kind, rule in WAYS:
-        config = update(
-            preset(name), {"encoder": {"kind": kind}, **({"learning": TEMPLATES} if rule == "template" else {})}
-        )
+    for name, kind, rule, lengths in WAYS:
+        encoder = {"kind": kind, **dict(zip(("direct_levels", "direct_race", "read_steps"), lengths, strict=False))}
+        config = update(preset(name), {"encoder": encoder, "learning": TEMPLATES if rule == "template" else {}})
         found = [_of_seed(dataclasses.replace(config, seed=seed), () if hog else ("hog",)) for seed in seeds]
         before = config.encoder.front_end
-        steps = 0 if before is None else before.steps + (0 if config.encoder.direct else preset(name).network.steps)
+        steps = config.steps + (0 if before is None or config.encoder.direct else before.steps)
+        way = f"`--preset {name} --input {kind}`" + (", lengths {}, {}, {}".format(*lengths) if lengths else "")
         decoder = config.decoder.default
-        rows.append(
-            [f"`--preset {name} --input {kind}`", rule, str(steps), *_columns(found, decoder), _spread(found, decoder)]
-        )
+        rows.append([way, rule, str(steps), *_columns(found, decoder), _spread(found, decoder)])
         hog = hog or ["HOG of the same images", "", "", *_columns(found, "hog"), _spread(found, "hog")]
     heads = ["network", "learned by", "steps", "five sections", "500 in one map", "R@1 of 500, range of seeds"]
     return BenchmarkTable(heads, [*rows, hog or []], record="front-end-direct")
