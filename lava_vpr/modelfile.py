@@ -35,7 +35,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import UNSIGNED, ConductanceLearning, ConductanceNetwork, Config
+from lava_vpr.config import UNSIGNED, Config
 from lava_vpr.configfile import of_file
 from lava_vpr.engine import effort
 from lava_vpr.engine.conductance.model import ConductanceState
@@ -47,6 +47,7 @@ from lava_vpr.inputs.vectors import LARGEST_VALUE, Standard, width_for
 from lava_vpr.loihi import WEIGHT_LIMIT
 from lava_vpr.matching.probability import KINDS
 from lava_vpr.positions.frames import LAT_LON, MOST_METRES, XY, fits, is_frame
+from lava_vpr.settings.conductance import ConductanceLearning, ConductanceNetwork
 from lava_vpr.settings.ranges import real, whole
 from lava_vpr.storage.arrays import ArrayRule, UnfitError, check_arrays, check_keys
 from lava_vpr.storage.limits import excess

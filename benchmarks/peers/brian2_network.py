@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import ConductanceLearning, ConductanceNetwork, Config
+from lava_vpr.config import Config
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.errors import BackendUnavailableError
+from lava_vpr.settings.conductance import ConductanceLearning, ConductanceNetwork
 
 try:
     import brian2 as b2

@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from lava_vpr.config import ConductanceNetwork, Config, LifNetwork, StdpLearning
+from lava_vpr.config import Config, LifNetwork, StdpLearning
 from lava_vpr.errors import ConfigError
+from lava_vpr.settings.conductance import ConductanceNetwork
 from lava_vpr.storage.limits import excess
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import ConductanceNetwork, Config
+from lava_vpr.config import Config
 from lava_vpr.engine.inference import counting
 from lava_vpr.engine.inference.biases import bias_input_spikes
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -20,6 +20,7 @@ from lava_vpr.engine.random import draws
 from lava_vpr.inputs.encoder import EncoderConfig
 from lava_vpr.inputs.front_end import BURST
 from lava_vpr.inputs.kernels import shared_out
+from lava_vpr.settings.conductance import ConductanceNetwork
 
 
 def rates16(activity: NDArray[np.float32], spikes_per_step: float, count: int = 0) -> NDArray[np.uint16]:

@@ -1,1 +1,1 @@
-"""What settings share: ranges of values, declared by annotations."""
+"""Ranges of values, declared by annotations of settings; arguments of public functions; preset ``paper``'s settings."""

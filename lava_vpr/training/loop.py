@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
-from lava_vpr.config import ConductanceLearning, Config, as_integer_config, integer_config
+from lava_vpr.config import Config, as_integer_config, integer_config
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine import effort
 from lava_vpr.engine.conductance.model import ConductanceState
@@ -30,6 +30,7 @@ from lava_vpr.inputs.vectors import Standard
 from lava_vpr.model import Model, Stretch
 from lava_vpr.modelfile import check_model
 from lava_vpr.positions.frames import Positions
+from lava_vpr.settings.conductance import ConductanceLearning
 from lava_vpr.storage.arrays import narrow
 from lava_vpr.training.checkpoint import Checkpoint, fingerprint
 from lava_vpr.training.measuring import coverage, reference_responses, shown_references

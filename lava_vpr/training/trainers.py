@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import RULES_GROUP, ConductanceLearning, Config, IntegerConfig, as_integer_config, integer_config
+from lava_vpr.config import RULES_GROUP, Config, IntegerConfig, as_integer_config, integer_config
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.learning import integer, stdp
 from lava_vpr.engine.learning.recruiting import Thresholds
@@ -22,6 +22,7 @@ from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Stretch
 from lava_vpr.neurons.models import NEURONS
 from lava_vpr.rows.registry import Registry
+from lava_vpr.settings.conductance import ConductanceLearning
 from lava_vpr.slayer import needs
 from lava_vpr.slayer.trainer import SlayerTrainer
 from lava_vpr.storage.arrays import ArrayRule, UnfitError, check_arrays

@@ -25,6 +25,7 @@ from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.model import as_integer, integer_model
+from lava_vpr.settings.conductance import ConductanceNetwork
 from lava_vpr.settings.ranges import Declared, Range, declared
 
 
@@ -255,7 +256,7 @@ def test_missing_and_binary_files(tmp_path: Path) -> None:
 
 def test_mixed_models_are_refused() -> None:
     with pytest.raises(ConfigError, match="does not go with"):
-        c.Config(network=c.ConductanceNetwork())
+        c.Config(network=ConductanceNetwork())
 
 
 def test_neurons_follow_the_places_unless_given() -> None:

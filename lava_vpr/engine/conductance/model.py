@@ -27,7 +27,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import ConductanceLearning, ConductanceNetwork, Config
+from lava_vpr.config import Config
 from lava_vpr.engine.conductance.kernels import (
     FROZEN,
     PAPER,
@@ -41,6 +41,7 @@ from lava_vpr.engine.draw import poisson_spikes
 from lava_vpr.engine.presentations import check_presentations, check_rates, share
 from lava_vpr.engine.random import presentation_key, uniform
 from lava_vpr.errors import ConfigError, InputError
+from lava_vpr.settings.conductance import ConductanceLearning, ConductanceNetwork
 
 EXC_TAU_MS, INH_TAU_MS = 100.0, 10.0
 EXC_REFRACTORY_MS, INH_REFRACTORY_MS = 5.0, 2.0

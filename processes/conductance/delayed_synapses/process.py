@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.config import ConductanceLearning
 from lava_vpr.engine.conductance.kernels import NEVER, TRIPLET, Constants, learn, normalise
 from lava_vpr.engine.conductance.model import RULES, trace_table
 from lava_vpr.errors import NetworkLimitError
@@ -23,6 +22,7 @@ from lava_vpr.processes.base.magma import (
     Var,
     model_of,
 )
+from lava_vpr.settings.conductance import ConductanceLearning
 
 MAX_DELAY = 65534
 """Steps; delays are kept as 16 bits, as in the model file."""
