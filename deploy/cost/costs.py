@@ -1,8 +1,8 @@
 """The cost model: energy and time of a query on a board, from counted events. Nothing was measured on a chip.
 
-`deploy.cost.closed_form` computes energy and time of every step. Here they become low, nominal and high figures of a
-query, with the clearing of states. Static energy, which every chip of the board draws whether it is used or not, and
-the host's traffic are separate.
+`deploy.cost.closed_form` computes energy and time of every step, `deploy.cost.between_queries` those of everything
+before the first and after the last. Here they become low, nominal and high figures of a query. Static energy, which
+every chip of the board draws whether it is used or not, and the host's traffic are separate.
 """
 
 from __future__ import annotations
@@ -14,18 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.deploy.boards.board import rest_steps
 from lava_vpr.deploy.boards.constants import CostConstants, Estimate, Level, total
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.cost import embedded
+from lava_vpr.deploy.cost.between_queries import clearing, microjoules_by_component, outside_steps, settings_microjoules
 from lava_vpr.deploy.cost.closed_form import step_microseconds, step_nanoseconds, step_picojoules
-from lava_vpr.deploy.cost.embedded import (
-    SETTING_WRITES,
-    counts_on_chips,
-    entry_hops,
-    host_milliseconds,
-    through_relays,
-)
+from lava_vpr.deploy.cost.embedded import entry_hops, host_milliseconds, through_relays
 from lava_vpr.deploy.cost.events import EventCounts
 from lava_vpr.loihi import EMBEDDED_MHZ, REGISTER_CYCLES, WORD_CYCLES
 
@@ -154,7 +148,7 @@ def modelled(plan: Plan, events: EventCounts) -> Modelled:
     counted = replace(counted, busiest_core=_busiest_core(events))
     if constants is None:
         return replace(counted, unavailable=UNPUBLISHED, assumptions=(ALL_DENSE,))
-    cleared, figures = _clearing(plan, events, constants), _figures(plan, events, constants)
+    cleared, figures = clearing(plan, events, constants), _figures(plan, events, constants)
     return replace(counted, figures=figures, clearing=cleared, assumptions=assumptions(events))
 
 
@@ -214,9 +208,6 @@ def _busiest_core(events: EventCounts) -> dict[str, float]:
     return {"synaptic_operations": float(operations.max(axis=2).mean()), **most}
 
 
-# --- energy ----------------------------------------------------------------------------------------------------------
-
-
 def _dynamic(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Estimate]:
     """Microjoules of a query by component."""
     low, nominal, high = (step_picojoules(events, constants, level) for level in ("low", "nominal", "high"))
@@ -225,62 +216,16 @@ def _dynamic(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[
         return float(picojoules.sum(axis=1).mean()) / 1e6
 
     components = {name: Estimate(mean(low[name]), mean(nominal[name]), mean(high[name])) for name in nominal}
-    return components | _outside_steps(plan, constants)
+    return components | microjoules_by_component(plan, constants)
 
-
-def _outside_steps(plan: Plan, constants: CostConstants) -> dict[str, Estimate]:
-    """Microjoules of the registers written for a query between presentations, by component."""
-    write = _write_picojoules(plan, constants)
-    components = {
-        "clearing of states": write * (CLEARED * plan.network.neurons / 1e6),
-        "reading of counts": write * (plan.network.neurons / 1e6),
-    }
-    if plan.network.bias_input:
-        components["settings of the inputs"] = _settings_microjoules(plan, constants)
-    return components
-
-
-def adaptation_microjoules(plan: Plan, constants: CostConstants) -> Estimate:
-    """Energy of the biases that are written for an adapted query, one register of every excitatory neuron."""
-    return _write_picojoules(plan, constants) * (plan.network.neurons / 1e6)
-
-
-def _write_picojoules(plan: Plan, constants: CostConstants) -> Estimate:
-    """Energy of a register read or written by an embedded processor: a message, its hops, an access and an update."""
-    east_west, north_south = entry_hops(plan)
-    return total(
-        (
-            constants.message,
-            constants.hop_east_west * east_west,
-            constants.hop_north_south * north_south,
-            constants.access,
-            constants.update,
-        )
-    )
-
-
-CLEARED = 2
-"""Membranes that are cleared for each excitatory neuron: its own, and its counter's."""
 
 _MESSAGES = ("messages", "hops_east_west", "hops_north_south")
-
-
-def _settings_microjoules(plan: Plan, constants: CostConstants) -> Estimate:
-    """Energy of the writes that set all input compartments."""
-    return _write_picojoules(plan, constants) * (SETTING_WRITES * plan.network.inputs / 1e6)
-
-
-def outside_steps(plan: Plan, constants: CostConstants) -> tuple[Estimate, Estimate]:
-    """Microjoules and milliseconds of a query besides its steps: reading and sending counts, clearing states, and
-    setting inputs that are compartments."""
-    between = embedded.milliseconds(embedded.between_queries(plan), constants)
-    return total(_outside_steps(plan, constants).values()), between
 
 
 def query_milliseconds(plan: Plan, step_microseconds: Estimate, constants: CostConstants) -> Estimate:
     """Time of a query on the chip: all its steps at the mean time of a step, and reading, clearing and setting between
     two queries."""
-    between = embedded.milliseconds(embedded.between_queries(plan), constants)
+    _, between = outside_steps(plan, constants)
     return step_microseconds * (plan.network.interval / 1e3) + between
 
 
@@ -343,7 +288,7 @@ def _input_microjoules(plan: Plan, events: EventCounts, constants: CostConstants
     updates = mean("input_updates") if network.bias_input else float(network.inputs * events.steps)
     by_mode = {
         "injected": sent(*injected) + (somata(spikes) + sent(*onward) if through_relays(plan) else Estimate(0, 0, 0)),
-        "bias": somata(updates) + sent(*onward) + _settings_microjoules(plan, constants) * 1e6,
+        "bias": somata(updates) + sent(*onward) + settings_microjoules(plan, constants) * 1e6,
     }
     in_order = by_mode.items() if events.injected else reversed(by_mode.items())
     return {mode: picojoules * 1e-6 for mode, picojoules in in_order}
@@ -353,38 +298,6 @@ def static_millijoules(plan: Plan, milliseconds: Estimate, constants: CostConsta
     """Millijoules that all chips of the board draw in this time."""
     power = (constants.static + constants.embedded) * plan.board.chips
     return Estimate.of(lambda level: power.at(level) * milliseconds.at(level) / 1e3)
-
-
-# --- clearing of states ----------------------------------------------------------------------------------------------
-
-
-def _clearing(plan: Plan, events: EventCounts, constants: CostConstants) -> dict[str, Any]:
-    """The board's `Clearing` with its costs, and the costs of steps of rest instead."""
-    microjoules = _outside_steps(plan, constants)["clearing of states"]
-    most = max(counts_on_chips(plan, "exc").values(), default=0)  # each chip's processor writes its own
-    told = {
-        **plan.board.clearing.of(plan.network),
-        "microjoules": microjoules,
-        "milliseconds": constants.register_time * (CLEARED * most / 1e6),
-    }
-    steps = rest_steps(plan.network)
-    if steps is None:
-        return told | {"rest_microjoules": None, "rest_milliseconds": None, "cheaper": "embedded writes"}
-    barrier = constants.barrier(events.tiles or 1)
-
-    def rest_step(level: Level) -> float:
-        """Microseconds of a step in which no spike is anywhere, while the membranes of exc decay."""
-        sizes = [(sum(part.size for part in core.parts), core.part("exc").size) for core in plan.cores]
-        busiest = max(float(constants.neuron_nanoseconds(level, mapped, exc, 0, 0)) for mapped, exc in sizes)
-        return max(busiest / 1e3 + barrier.at(level), constants.step.at(level))
-
-    mapped = int(events.accesses[0, 0].sum()) if events.queries else 0
-    rest = (constants.access * mapped + constants.update * plan.network.neurons) * (steps / 1e6)
-    return told | {
-        "rest_microjoules": rest,
-        "rest_milliseconds": Estimate.of(rest_step) * (steps / 1e3),
-        "cheaper": "rest steps" if rest.nominal < microjoules.nominal else "embedded writes",
-    }
 
 
 def _either(values: Sequence[float]) -> str:

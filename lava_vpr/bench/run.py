@@ -39,7 +39,8 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import BOARDS
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.front_end import front_end_of
-from lava_vpr.deploy.cost.costs import adaptation_microjoules, static_millijoules
+from lava_vpr.deploy.cost.between_queries import adaptation_microjoules
+from lava_vpr.deploy.cost.costs import static_millijoules
 from lava_vpr.deploy.cost.embedded import bias_milliseconds
 from lava_vpr.deploy.cost.front_end import FrontEndCosts, front_end_costs
 from lava_vpr.deploy.mapping.front_end import placed

@@ -25,8 +25,9 @@ from lava_vpr.deploy.boards.constants import CostConstants, Estimate
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.compression import requantised
 from lava_vpr.deploy.bundle.deployment import plan_of
+from lava_vpr.deploy.cost.between_queries import outside_steps
 from lava_vpr.deploy.cost.closed_form import step_picojoules
-from lava_vpr.deploy.cost.costs import all_microseconds, outside_steps, static_millijoules, wall_milliseconds
+from lava_vpr.deploy.cost.costs import all_microseconds, static_millijoules, wall_milliseconds
 from lava_vpr.deploy.cost.embedded import host_milliseconds
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import EncodedTraverse

@@ -25,8 +25,9 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.constants import LOIHI_1
 from lava_vpr.deploy.bundle.compression import requantised
 from lava_vpr.deploy.bundle.deployment import plan_of
+from lava_vpr.deploy.cost.between_queries import outside_steps
 from lava_vpr.deploy.cost.closed_form import step_picojoules
-from lava_vpr.deploy.cost.costs import all_microseconds, modelled, outside_steps
+from lava_vpr.deploy.cost.costs import all_microseconds, modelled
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.engine.rates import query_rates
 from lava_vpr.errors import ConfigError

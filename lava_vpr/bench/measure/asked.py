@@ -24,7 +24,8 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.config import LifNetwork
 from lava_vpr.deploy.boards.constants import Estimate
 from lava_vpr.deploy.boards.plan import Plan
-from lava_vpr.deploy.cost.costs import adaptation_microjoules, modelled
+from lava_vpr.deploy.cost.between_queries import adaptation_microjoules
+from lava_vpr.deploy.cost.costs import modelled
 from lava_vpr.deploy.cost.embedded import bias_milliseconds
 from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.encoding import EncodedTraverse

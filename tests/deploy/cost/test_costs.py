@@ -19,9 +19,10 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.boards.constants import HOST_POWER, LEVELS, LOIHI_1, Constant, Estimate, total
 from lava_vpr.deploy.boards.plan import Plan, Times
 from lava_vpr.deploy.bundle.deployment import plan_of
-from lava_vpr.deploy.cost import costs, embedded, expected
+from lava_vpr.deploy.cost import embedded, expected
+from lava_vpr.deploy.cost.between_queries import clearing, outside_steps
 from lava_vpr.deploy.cost.closed_form import step_microseconds, step_nanoseconds, step_picojoules
-from lava_vpr.deploy.cost.costs import BoardFigures, all_microseconds, modelled, outside_steps, wall_milliseconds
+from lava_vpr.deploy.cost.costs import BoardFigures, all_microseconds, modelled, wall_milliseconds
 from lava_vpr.deploy.cost.events import KINDS, EventCounts, count_events
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.engine.inference import fixed
@@ -269,10 +270,10 @@ def test_clearing_is_counted_and_rest_beside_it() -> None:
         "rest steps" if told["rest_microjoules"].nominal < 2 * 20 * each / 1e6 else "embedded writes"
     )
     quickly = replace(plan, network=replace(plan.network, decay=4095, threshold=50, inhibition=0))
-    assert costs._clearing(quickly, counted, LOIHI_1)["cheaper"] == "rest steps"
+    assert clearing(quickly, counted, LOIHI_1)["cheaper"] == "rest steps"
     # A membrane that integrates a bias never rests.
     biased = replace(plan, network=replace(plan.network, bias=np.full(20, -3, np.int32)))
-    told = costs._clearing(biased, counted, LOIHI_1)
+    told = clearing(biased, counted, LOIHI_1)
     assert told["cheaper"] == "embedded writes"
     assert told["rest_steps_instead"] is told["rest_microjoules"] is told["rest_milliseconds"] is None
 
