@@ -22,7 +22,8 @@ from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.adaptation import Adaptation, Motion
 from lava_vpr.engine.gains import Season
 from lava_vpr.matching import sequences
-from lava_vpr.matching.answers import Answers, Followed, Held, InBlocks, Together, follow, hold
+from lava_vpr.matching.against_truth import Followed, Held, InBlocks, follow, hold
+from lava_vpr.matching.answers import Answers, Together
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.forward_filter import NONE

@@ -32,7 +32,8 @@ from lava_vpr.encoding import encode_traverse
 from lava_vpr.inputs.vectors import Standard
 from lava_vpr.inputs.views import View, ViewsConfig, seen_as
 from lava_vpr.learning.references import encode_route
-from lava_vpr.matching.answers import InBlocks, Together, hold
+from lava_vpr.matching.against_truth import InBlocks, hold
+from lava_vpr.matching.answers import Together
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.training.loop import train
 from lava_vpr.traverse import Traverse, vector_traverse

@@ -34,7 +34,8 @@ from lava_vpr.configfile import update
 from lava_vpr.engine import gains
 from lava_vpr.engine.gains import RECENT, Season
 from lava_vpr.engine.rates import query_rates
-from lava_vpr.matching.answers import InBlocks, Together, hold
+from lava_vpr.matching.against_truth import InBlocks, hold
+from lava_vpr.matching.answers import Together
 from lava_vpr.matching.evaluation import Metrics
 from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.probability import Calibration, reliability

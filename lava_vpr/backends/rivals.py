@@ -29,7 +29,7 @@ from lava_vpr.engine.rates import query_rates, strengths
 from lava_vpr.errors import ConfigError, InputError, shown
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching import baselines, decoders
-from lava_vpr.matching.answers import InBlocks
+from lava_vpr.matching.against_truth import InBlocks
 from lava_vpr.model import IntegerModel, Model, as_integer
 from lava_vpr.vectors.files import load_descriptors
 

@@ -35,7 +35,7 @@ from lava_vpr.engine.presentations import Trains
 from lava_vpr.engine.rates import query_rates
 from lava_vpr.errors import ConfigError, NetworkLimitError
 from lava_vpr.inputs.vectors import Standard
-from lava_vpr.matching.answers import InBlocks, hold
+from lava_vpr.matching.against_truth import InBlocks, hold
 from lava_vpr.matching.decoders import confidence
 from lava_vpr.matching.equations import Scores
 from lava_vpr.matching.evaluation import Metrics, Recall, evaluate

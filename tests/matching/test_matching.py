@@ -10,8 +10,9 @@ from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError
-from lava_vpr.matching import answers, sequences
-from lava_vpr.matching.answers import Answerer, Answers, InBlocks, Together, answers_of, follow, hold
+from lava_vpr.matching import against_truth, sequences
+from lava_vpr.matching.against_truth import InBlocks, follow, hold
+from lava_vpr.matching.answers import Answerer, Answers, Together, answers_of
 from lava_vpr.matching.beliefs import filtered
 from lava_vpr.matching.evaluation import evaluate, truth_from_indices
 from lava_vpr.matching.forward_filter import ForwardFilter
@@ -197,7 +198,7 @@ def drawn(seed: int, queries: int = QUERIES) -> tuple[NDArray[np.float64], NDArr
 @pytest.fixture(params=[1, 7, 40, 256])
 def block(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
     """Queries in a block."""
-    monkeypatch.setattr(answers, "BLOCK", request.param)
+    monkeypatch.setattr(against_truth, "BLOCK", request.param)
     return int(request.param)
 
 
@@ -253,7 +254,7 @@ def test_no_queries() -> None:
 
 
 def test_scores_are_made_a_block_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(answers, "BLOCK", 8)
+    monkeypatch.setattr(against_truth, "BLOCK", 8)
     scores, truth = drawn(5)
     asked: list[int] = []
 
