@@ -1,4 +1,4 @@
-"""Files of events, written plainly: AEDAT4 byte by byte, HDF5 and npz in the layouts of the field.
+"""Files of events, written plainly: AEDAT4 byte by byte, HDF5 and npz in the layouts of the field; read, or refused.
 
 Used by cli, events, storage, support and vectors.
 """
@@ -12,7 +12,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
+
+from lava_vpr.errors import InputError
+from lava_vpr.events.files import open_events, windows_of
+from lava_vpr.inputs.windows import EventsConfig
 
 MAGIC = b"#!AER-DAT4.0\r\n"
 EVENT = struct.Struct("<qhh?3x")
@@ -184,3 +189,20 @@ def damage(path: Path, text: int, length: int) -> Path:
     struct.pack_into("<Q", data, at + 8, length)
     path.write_bytes(data)
     return path
+
+
+def read(path: Path) -> Made:
+    """All events of a file, without their signs."""
+    recording = open_events(path)
+    parts = list(recording.events())
+    t, x, y = (np.concatenate([getattr(part, name) for part in parts]) for name in ("t", "x", "y"))
+    return Made(t, x, y, np.zeros(len(t), np.bool_), recording.size or (0, 0))
+
+
+def refused(path: Path, *words: str) -> None:
+    """Opening and reading the file ends in one line with these words."""
+    with pytest.raises(InputError) as caught:
+        list(windows_of(path, EventsConfig(window_ms=100), 0.1)())
+    told = str(caught.value)
+    assert "\n" not in told
+    assert all(word in told for word in (path.name, *words)), told
