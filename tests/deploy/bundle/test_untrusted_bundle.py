@@ -136,31 +136,10 @@ KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
     ),
     "a core twice": (text("cores/chip0-core0/registers.json", b"{}"), "cores/chip0-core0", "is no core of Kapoho Bay"),
     "a file beside a core's": (text(f"{CORE}/more.npy", b""), CORE, "is no core of Kapoho Bay"),
-    "floats": (array(f"{CORE}/compartments.npy", lambda a: a.astype(float)), f"{CORE}/compartments.npy", "is float64"),
-    "one axis": (
-        array(f"{CORE}/axons_in.npy", lambda a: a.ravel()),
-        f"{CORE}/axons_in.npy",
-        "but must be int32 (axons, 3)",
-    ),
     "many compartments": (
         array(f"{CORE}/compartments.npy", lambda a: np.zeros((1025, 4), np.int32)),
         "cores",
         "chip 0 core 0: the host's tables do not name each of its compartments once",
-    ),
-    "a source of nobody": (
-        array(f"{CORE}/axons_out.npy", at(0, 0, -1)),
-        f"{CORE}/axons_out.npy",
-        "contradicts the rest",
-    ),
-    "a core of nobody": (
-        array(f"{CORE}/axons_out.npy", at(0, 2, 99)),
-        f"{CORE}/axons_out.npy",
-        "contradicts the rest",
-    ),
-    "an axon of nobody": (
-        array(f"{CORE}/axons_out.npy", at(0, 3, 2**31 - 1)),
-        f"{CORE}/axons_out.npy",
-        "contradicts the rest",
     ),
     "a bias beyond its register": (
         array(f"{CORE}/compartments.npy", at(0, 2, 4096)),
@@ -171,18 +150,7 @@ KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
     "a bias below its register": (array(f"{CORE}/compartments.npy", at(0, 2, -4096)), "cores", "a bias does not fit"),
     "an exponent below 0": (array(f"{CORE}/compartments.npy", at(0, 3, -1)), "cores", "a bias does not fit"),
     "a long exponent": (array(f"{CORE}/compartments.npy", at(0, 3, 1 << 30)), "cores", "a bias does not fit"),
-    "axons that change places": (
-        array(f"{CORE}/axons_in.npy", lambda a: a[[*range(len(a) - 2), -1, -2]]),
-        f"{CORE}/axons_in.npy",
-        "contradicts the rest",
-    ),
     "a neuron that needs no input": (array(f"{CORE}/compartments.npy", at(0, 2, 4095)), "cores", "spike without input"),
-    "a bias of the root": (
-        array(f"{CORE}/compartments.npy", lambda a: a + (a[:, :1] == 1) * np.array([0, 0, 1, 0], np.int32)),
-        f"{CORE}/compartments.npy",
-        "contradicts the rest",
-    ),
-    "a root of nobody": (array("host/inh.npy", lambda a: a[:0]), "host/inh.npy", "must be int32 (1, 3)"),
     "memory of nobody": (array(f"{CORE}/axons_in.npy", at(0, 0, -5)), "cores", "do not tile its memory"),
     "memory of two rows": (array(f"{CORE}/axons_in.npy", at(0, 0, 1)), "cores", "do not tile its memory"),
     "a row without end": (array(f"{CORE}/axons_in.npy", at(0, 2, 2**31 - 1)), "cores", "deploy the model again"),
@@ -199,38 +167,8 @@ KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
         "hold no network of ours (index 1568 is out of bounds",
     ),
     "injected nowhere": (array("host/injection.npy", at(0, 3, -1)), f"{CORE}/synapses.npy", "but must be uint64 (27"),
-    "registers of truths": (
-        values(REGISTERS, "cxProfileCfg", 0, "enableNoise", False),
-        REGISTERS,
-        "contradicts the rest",
-    ),
-    "a decay of no register": (values(REGISTERS, "cxProfileCfg", 0, "decayU", 4096), REGISTERS, "contradicts the rest"),
-    "a threshold of no register": (values(REGISTERS, "vthProfileCfg", 0, "vth", -1), REGISTERS, "contradicts the rest"),
-    "no refractory step": (values(REGISTERS, "cxProfileCfg", 0, "refractDelay", 0), REGISTERS, "contradicts the rest"),
-    "a floor of no register": (
-        values(REGISTERS, "dendriteSharedCfg", "negVmLimit", 24),
-        REGISTERS,
-        "contradicts the rest",
-    ),
-    "a ceiling of no register": (
-        values(REGISTERS, "dendriteSharedCfg", "posVmLimit", 8),
-        REGISTERS,
-        "contradicts the rest",
-    ),
-    "a long floor": (values(REGISTERS, "dendriteSharedCfg", "negVmLimit", 10**30), REGISTERS, "contradicts the rest"),
     "no weight bits": (values(REGISTERS, "synapseFmt", 1, "wgtBits", 0), "cores", "no synapse format of ours"),
     "17 formats": (values(REGISTERS, "synapseFmt", [None] * 17), "cores", "deploy the model again"),
-    "no profiles": (values(REGISTERS, "cxProfileCfg", []), REGISTERS, "contradicts the rest"),
-    "a profile of nobody": (
-        array(f"{CORE}/compartments.npy", at(0, 0, 9)),
-        f"{CORE}/compartments.npy",
-        "contradicts the rest",
-    ),
-    "a threshold of nobody": (
-        array(f"{CORE}/compartments.npy", at(0, 1, -1)),
-        f"{CORE}/compartments.npy",
-        "contradicts the rest",
-    ),
     "more memory than a core's": (
         array(f"{CORE}/synapses.npy", lambda a: np.zeros(16385, np.uint64)),
         "cores",
@@ -249,15 +187,53 @@ KAPOHO: dict[str, tuple[Callable[[Told, Files], Any], str, str]] = {
     ),
     "deep registers": (text(REGISTERS, b"[" * 100_000), REGISTERS, "is no JSON (it is nested too deeply)"),
     "registers that are none": (text(REGISTERS, b"7"), "cores", "hold no network of ours"),
-    "other keys": (array("host/keys.npy", at(0, 5)), "host/keys.npy", "contradicts the rest"),
-    "fewer keys": (array("host/keys.npy", lambda a: a[1:]), "host/keys.npy", "is uint64 (7,), but must be uint64 (8,)"),
-    "other rates": (array("host/rates.npy", at(0, 0, 60_000)), "host/rates.npy", "are not the rates of the references"),
-    "other labels": (array("host/labels.npy", at(0, 5)), "host/labels.npy", "contradicts the rest of the bundle"),
     "no labels": (lambda told, files: files.pop("host/labels.npy"), "host/labels.npy", "the bundle lacks this file"),
     "injected too far": (array("host/injection.npy", at(0, 3, 4000)), "cores", "deploy the model again"),
     "other synapses": (array(f"{CORE}/synapses.npy", at(0, 15)), "cores", "deploy the model again"),
-    "responses below 0": (array("host/responses.npy", at(0, 0, -1)), "host/responses.npy", "contradicts the rest"),
     "learning": (text(LEARNING, b"{}"), LEARNING, "is for a board that does not learn"),
+}
+KAPOHO |= {
+    kind: (array(name, change), name, said)
+    for kind, name, change, said in (
+        ("floats", f"{CORE}/compartments.npy", lambda a: a.astype(float), "is float64"),
+        ("one axis", f"{CORE}/axons_in.npy", lambda a: a.ravel(), "but must be int32 (axons, 3)"),
+        ("a source of nobody", f"{CORE}/axons_out.npy", at(0, 0, -1), "contradicts the rest"),
+        ("a core of nobody", f"{CORE}/axons_out.npy", at(0, 2, 99), "contradicts the rest"),
+        ("an axon of nobody", f"{CORE}/axons_out.npy", at(0, 3, 2**31 - 1), "contradicts the rest"),
+        (
+            "axons that change places",
+            f"{CORE}/axons_in.npy",
+            lambda a: a[[*range(len(a) - 2), -1, -2]],
+            "contradicts the rest",
+        ),
+        (
+            "a bias of the root",
+            f"{CORE}/compartments.npy",
+            lambda a: a + (a[:, :1] == 1) * np.array([0, 0, 1, 0], np.int32),
+            "contradicts the rest",
+        ),
+        ("a root of nobody", "host/inh.npy", lambda a: a[:0], "must be int32 (1, 3)"),
+        ("a profile of nobody", f"{CORE}/compartments.npy", at(0, 0, 9), "contradicts the rest"),
+        ("a threshold of nobody", f"{CORE}/compartments.npy", at(0, 1, -1), "contradicts the rest"),
+        ("other keys", "host/keys.npy", at(0, 5), "contradicts the rest"),
+        ("fewer keys", "host/keys.npy", lambda a: a[1:], "is uint64 (7,), but must be uint64 (8,)"),
+        ("other rates", "host/rates.npy", at(0, 0, 60_000), "are not the rates of the references"),
+        ("other labels", "host/labels.npy", at(0, 5), "contradicts the rest of the bundle"),
+        ("responses below 0", "host/responses.npy", at(0, 0, -1), "contradicts the rest"),
+    )
+}
+KAPOHO |= {
+    kind: (values(REGISTERS, *where), REGISTERS, "contradicts the rest")
+    for kind, *where in (
+        ("registers of truths", "cxProfileCfg", 0, "enableNoise", False),
+        ("a decay of no register", "cxProfileCfg", 0, "decayU", 4096),
+        ("a threshold of no register", "vthProfileCfg", 0, "vth", -1),
+        ("no refractory step", "cxProfileCfg", 0, "refractDelay", 0),
+        ("a floor of no register", "dendriteSharedCfg", "negVmLimit", 24),
+        ("a ceiling of no register", "dendriteSharedCfg", "posVmLimit", 8),
+        ("a long floor", "dendriteSharedCfg", "negVmLimit", 10**30),
+        ("no profiles", "cxProfileCfg", []),
+    )
 }
 KAPOHO["no synapseFmt"] = values(REGISTERS, "synapseFmt", None), "cores", "deploy the model again"
 GROUPS = ("cxProfileCfg", "vthProfileCfg", "dendriteSharedCfg", "numUpdates")
