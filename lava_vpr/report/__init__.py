@@ -1,5 +1,5 @@
-"""The evaluation report: one HTML file that needs nothing else, from plain arrays.
+"""The pages of ``eval --report`` and ``query --report``: one self-contained HTML file each, made from plain arrays.
 
-`html.page` turns `ReportData` into its text. Everything is drawn here and nothing is computed that
-`matching.evaluation` has not computed already, so that the report and the JSON never disagree.
+`html.page` writes the evaluation report from `ReportData`. This room draws figures and computes none: they come from
+`matching.evaluation`, so that the report and the JSON agree.
 """

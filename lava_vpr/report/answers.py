@@ -1,6 +1,6 @@
-"""The page of ``query --report``: each query beside the place that it was matched with, and how likely that is.
+"""The page of ``query --report``: each query beside its matched place, with the probability of the match.
 
-No ground truth is needed. The page is made of the parts of the evaluation report.
+The page needs no ground truth. It uses the sections of the evaluation report.
 """
 
 from __future__ import annotations
@@ -28,25 +28,26 @@ from lava_vpr.show.templates import plain, render, safe, text
 
 @dataclass(frozen=True, eq=False)
 class AnswersData:
-    """What the page shows of n queries.
+    """The data of the page for n queries.
 
     Attributes:
-        command: Command line that repeats it.
+        command: Command line that makes the page again.
         summary: Short facts by name, in order.
         query_names, query_numbers: File name and absolute index of each query.
         query_thumbnails: uint8 (n, h, w, 3), BGR.
-        place_names, place_numbers: Those of each place of the map.
+        place_names, place_numbers: File name and absolute index of each place of the map.
         place_thumbnails: uint8 (places, h, w, 3), BGR.
-        matches: Place of each query, -1 for none, int (n,).
+        matches: Matched place of each query, an index of the places' arrays, -1 for none, int64 (n,).
         accepted: Whether each match is accepted, bool (n,).
-        probability: Probability that it is right, float64 (n,); NaN where that is not known.
-        confidence: Confidence of the match, float64 (n,).
-        least: The probability from which on a match is accepted; NaN where that is not what decides.
-        off_map, followed: A forward filter's probability that the query is off the map, and that the filter follows the
-            robot, float64 (n,); None without a filter.
-        map: Where places and queries were taken; None if that is not known of the places.
-        season: What is known of the season after the last query; None: it does not count.
-        layers: A query in the spiking front end; None: there is no such front end.
+        probability: Probability that each match is right, float64 (n,); NaN where it is not known.
+        confidence: Confidence of each match, float64 (n,).
+        least: Probability threshold of accepted matches, inf if none reaches the target precision; NaN if something
+            else decides.
+        off_map, followed: A forward filter's probabilities that the query is off the map, and that the filter follows
+            the robot, float64 (n,) each; None without a filter.
+        map: Where places and queries were taken; None if the positions of the places are not known.
+        season: The gains after the last query; None if all inputs count alike.
+        layers: The spikes of the front end for one query; None without a spiking front end.
     """
 
     command: str
@@ -70,22 +71,22 @@ class AnswersData:
 
     @property
     def probable(self) -> bool:
-        """Whether probabilities are known."""
+        """Whether any probability is known."""
         return bool(np.isfinite(self.probability).any())
 
     @property
     def refused(self) -> int:
-        """How many matches are probable enough, and not accepted: something speaks against their images."""
+        """Number of matches that reach the threshold but are not accepted, because their images are doubtful."""
         return int(np.count_nonzero((self.probability >= self.least) & (self.matches >= 0) & ~self.accepted))
 
     @property
     def what(self) -> str:
-        """What is known of how sure a match is."""
+        """The measure of certainty that the page shows: ``probability`` or ``confidence``."""
         return "probability" if self.probable else "confidence"
 
     @property
     def marks(self) -> tuple[Mark, ...]:
-        """How drawings show the queries that were matched."""
+        """The marks of matched queries in drawings, accepted or not."""
         there = self.matches >= 0
         return (
             Mark("open", "muted", "s", there & ~self.accepted),
@@ -94,7 +95,7 @@ class AnswersData:
 
 
 def _header(data: AnswersData) -> str:
-    """The head of the page: how many matches are accepted, and what decides that."""
+    """The head of the page: the number of accepted matches, and the rule that accepts them."""
     said = ""
     if math.isfinite(data.least):
         but = f", but for {counted(data.refused, 'doubtful image')}" if data.refused else ""
@@ -109,7 +110,7 @@ def _header(data: AnswersData) -> str:
 
 
 def _in_order(data: AnswersData) -> str:
-    """A bar for every query."""
+    """The section with a bar for each query, in order."""
     tops = 0.03 + 0.95 * np.nan_to_num(data.probability) if data.probable else heights(data.confidence)
     line = 0.03 + 0.95 * data.least if data.probable and math.isfinite(data.least) else None
     alt = f"{data.what.capitalize()} of {len(tops)} matches, {int(data.accepted.sum())} of them accepted"
@@ -120,7 +121,7 @@ def _in_order(data: AnswersData) -> str:
 
 
 def _drive(data: AnswersData) -> str:
-    """The drive through the map, if a filter followed it."""
+    """The drawing of the drive through the map; empty without a filter."""
     if data.off_map is None or data.followed is None:
         return ""
     numbers = np.where(data.matches >= 0, data.place_numbers[data.matches], -1)
@@ -130,7 +131,7 @@ def _drive(data: AnswersData) -> str:
 
 
 def _map(data: AnswersData) -> str:
-    """The map, if positions are known."""
+    """The drawing of the map; empty if positions are not known."""
     if data.map is None:
         return ""
     alt = f"Map of {len(data.map.places)} places and of the matches of {len(data.matches)} images"
@@ -138,7 +139,7 @@ def _map(data: AnswersData) -> str:
 
 
 def _payload(data: AnswersData, places: NDArray[np.intp], sheets: dict[str, Any]) -> str:
-    """What the script needs, as JSON that cannot end its own element; ``places`` are those on the contact sheet."""
+    """The script's data, as JSON that is safe within its element; ``places``: those on the contact sheet."""
     known = data.probability if data.probable else data.confidence
     shown = [f"{100 * p:.1f} %" if data.probable else f"{p:.3g}" for p in known.tolist()]
     content = {
@@ -157,7 +158,7 @@ def _payload(data: AnswersData, places: NDArray[np.intp], sheets: dict[str, Any]
 def page(data: AnswersData) -> str:
     """The whole page as HTML text; equal data give equal text."""
     places = np.unique(data.matches[data.matches >= 0])
-    some = places if len(places) else np.zeros(1, np.intp)  # a sheet has one image at least
+    some = places if len(places) else np.zeros(1, np.intp)  # a contact sheet needs at least one image
     found, style = sheets(data.query_thumbnails, data.place_thumbnails[some])
     parts = (
         Section("order", "In order", [_in_order(data)]),
@@ -185,7 +186,7 @@ _MAP = (
 
 
 def _of_positions(data: MapData | None) -> str:
-    """What the map shows of the images: where they were taken, or else their matches, in a sentence."""
+    """A sentence about where the map shows the images: where they were taken, or else at their matches."""
     if data is None or not data.figures:
         return "Each image stands at the place that it was matched with."
     figures = data.figures

@@ -1,4 +1,4 @@
-"""From a model and its answers to the report's data."""
+"""The data of both reports, from a model and its answers."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from lava_vpr.traverse import Traverse
 from lava_vpr.truth.alignment import NEAR_M, Located, PositionErrors
 
 PICTURED = ("sad", "cosine")
-"""Baselines whose scores are drawn beside the default decoder's; figures and curves are of all."""
+"""Baselines whose score matrices are drawn beside the default decoder's; tables and curves show all baselines."""
 RASTERS = 2
-"""Rasters of right answers, and as many of wrong ones."""
+"""Rasters of right answers, at most, and of wrong ones."""
 
 
 def report_data(
@@ -41,7 +41,17 @@ def report_data(
     seed: int | None,
     errors: PositionErrors | None = None,
 ) -> ReportData:
-    """Everything that the report shows; with sequences, images stand for the first of their window."""
+    """The data of the evaluation report.
+
+    Args:
+        model: The model that answered.
+        queries: The encoded queries.
+        result: The model's answers, compared with the truth.
+        command: Command line that makes the report again.
+        sequence: Queries of a sequence, which is shown by its first query and place; 1: no sequences.
+        seed: The seed of the queries' noise; None: the model's.
+        errors: Metres of error; None: positions are not known.
+    """
     n, places = result.truth.shape
     config = model.config
     kind = INPUTS[config.encoder.kind]
@@ -102,17 +112,17 @@ def answers_data(
     season: Season | None = None,
     grey: NDArray[np.uint8] | None = None,
 ) -> AnswersData:
-    """Everything that the page of ``query`` shows.
+    """The data of the page of ``query``.
 
     Args:
         model: The model that answered.
         queries: The n queries.
-        answers: Its answers to them.
-        accepted: Which are accepted, bool (n,).
-        thumbnails: The queries, small, uint8 (n, h, w, 3) BGR.
+        answers: The model's answers.
+        accepted: Whether each answer is accepted, bool (n,).
+        thumbnails: The queries, reduced, uint8 (n, h, w, 3) BGR.
         least, command, summary: As in `AnswersData`.
-        season: What is known of the season after the last of them; None: it does not count.
-        grey: What a spiking front end has seen of each, uint8 (n, *shape); None: there is none.
+        season: The season after the last query; None if all inputs count alike.
+        grey: The pixels as a spiking front end takes them, uint8 (n, *shape); None without one.
     """
     return AnswersData(
         command,
@@ -144,7 +154,7 @@ def _layers(
     matches: NDArray[np.int64],
     confidence: NDArray[np.float64],
 ) -> Layers | None:
-    """The query of the surest match in the spiking front end, if there is one."""
+    """The spikes of the front end for the surest match; None without a front end, or if its pixels were not kept."""
     spec = model.config.encoder.front_end
     if spec is None or grey is None or thumbnails is None or not len(matches):
         return None
@@ -153,7 +163,10 @@ def _layers(
 
 
 def _answers_map(model: Model, queries: Traverse, answers: Answers) -> MapData | None:
-    """Where places were taken, and queries: at their matches, if nobody says more of them."""
+    """The map of places and queries, which stand at their matches if their positions are not known.
+
+    None if the positions of the places are not known.
+    """
     places, matches = model.whereabouts, answers.matches
     if places is None:
         return None
@@ -165,14 +178,14 @@ def _answers_map(model: Model, queries: Traverse, answers: Answers) -> MapData |
 
 
 def map_of(located: Located, queries: int, places: int, figures: str) -> MapData:
-    """Where the first so many queries and places were taken, from the middle of them all, with ``figures``."""
+    """The map of the first ``queries`` and ``places``, in metres from the middle of all, with ``figures`` in words."""
     points = joined([located.places.take(slice(places)), located.queries.take(slice(queries))]).plane()
     points = points - (points.min(axis=0) + points.max(axis=0)) / 2  # eastings and northings are long numbers
     return MapData(points[:places], points[places:], figures)
 
 
 def _chosen(result: Recognition) -> NDArray[np.int64]:
-    """A few queries: the surest right ones and the surest wrong ones."""
+    """Indices of the surest right answers, then of the surest wrong ones, at most `RASTERS` of each, int64."""
     order = np.argsort(-result.confidence, kind="stable")
     matched = order[result.matches[order] >= 0]
     right = result.truth[matched, result.matches[matched]]
@@ -180,7 +193,7 @@ def _chosen(result: Recognition) -> NDArray[np.int64]:
 
 
 def _rasters(model: Model, queries: EncodedTraverse, result: Recognition, seed: int) -> tuple[Raster, ...]:
-    """Spikes of a few queries, run once more; only the integer network records them."""
+    """The spikes of a few queries, which are run again; empty for preset ``paper``, whose network records none."""
     integer = as_integer(model)
     if integer is None:
         return ()
@@ -191,7 +204,7 @@ def _rasters(model: Model, queries: EncodedTraverse, result: Recognition, seed: 
     for k, query in enumerate(chosen):
         counts, events, film = counting.count_spikes(integer.network, rates[k : k + 1], keys[k : k + 1], raster=True)
         if not np.array_equal(counts[0], result.counts[query]):
-            continue  # counted by another backend that does not spike the same (a float one): show nothing false
+            continue  # a float backend counted other spikes, which this raster would not show
         steps, neurons = np.nonzero(film[0])
         true, place = np.flatnonzero(result.truth[query]), int(result.matches[query])
         rasters.append(

@@ -1,4 +1,4 @@
-"""What an evaluation report is made of: plain arrays and texts, checked once, with no way back to files or models."""
+"""The data of an evaluation report: plain arrays and texts, checked once, without reference to files or models."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class MapData:
     Attributes:
         places: Shape (n_places, 2), east and north.
         queries: Shape (n_queries, 2).
-        figures: What is to be said of the metres of error, as plain text.
+        figures: The metres of error in words, plain text; empty if they are not known.
     """
 
     places: NDArray[np.float64]
@@ -59,7 +59,7 @@ class MapData:
 
 @dataclass(frozen=True, eq=False)
 class ReportData:
-    """Everything that the report shows.
+    """The data of the evaluation report.
 
     Attributes:
         title: Heading of the page.
@@ -72,23 +72,24 @@ class ReportData:
         truth: Where each query was taken, bool, shape (n_queries, n_places).
         matches: Place that the default decoder gives each query, -1 for none, int, shape (n_queries,).
         confidence: Confidence of those matches, shape (n_queries,).
-        place_names, query_names: File names, or whatever tells images apart.
+        place_names, query_names: File names, or other names of the images.
         place_thumbnails, query_thumbnails: uint8 (n, h, w, 3), BGR.
         input_layout: How the inputs are arranged.
-        drawing, legend: How what neurons have learned is drawn, and what is said about it; see `Input`.
+        drawing, legend: How the weights of a neuron are drawn, and the legend; see `Input`.
         weights: Shape (inputs, n_exc), inputs ordered as `input_layout` says, or None if the weights are not to be
             shown.
         neuron_places: The place that each excitatory neuron represents most, -1 for none, int, shape (n_exc,).
         rasters: Spikes of a few queries.
         events: Counted events per query, by the names of ``lava-vpr bench``.
         config_toml: The model's configuration.
-        seen: What each baseline among `metrics` sees of an image, by its name.
+        seen: The part of an image that each baseline among `metrics` compares, in words, by its name.
         place_numbers, query_numbers: Absolute index of each image in its own sequence.
-        map: Where they were taken; None if that is not known.
-        trust: How far probabilities can be trusted, ``single`` and ``filtered``, as far as there are any.
+        map: Where places and queries were taken; None if that is not known.
+        trust: How well probabilities agree with the truth, by way of answering, ``single`` and ``filtered``; empty if
+            no probabilities are known.
         followed: Figures of a filter, ``filtered`` and ``forward_backward``; empty if there was none.
-        season: What was known of the season at the end; None: it did not count.
-        layers: A query in the spiking front end; None: there is no such front end.
+        season: The gains after the last query; None if all inputs count alike.
+        layers: The spikes of the front end for one query; None without a spiking front end.
     """
 
     title: str
@@ -150,7 +151,11 @@ class ReportData:
 
 
 def _check(name: str, condition: bool, requirement: str) -> None:
-    """Refuse arrays that do not belong together; a caller's defect, nothing a user can cause."""
+    """Refuse arrays that do not belong together, a defect of the caller that no user can cause.
+
+    Raises:
+        ValueError: the condition does not hold.
+    """
     if not condition:
         raise ValueError(f"ReportData.{name} {requirement}")
 
@@ -165,7 +170,7 @@ _EVENTS = {
 
 
 def label(name: str) -> str:
-    """What a matcher or a counted event is called in the report."""
+    """The name of a matcher or a counted event in the report."""
     for matchers in (DECODERS, MATCHERS):
         if name in matchers:
             return str(matchers[name].title)

@@ -1,4 +1,4 @@
-"""The page: its frame, the head line, the table of figures, and the sections in order."""
+"""The page of the evaluation report: its frame, its head, the table of figures, and the sections in order."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from lava_vpr.show.templates import plain, render, safe, text
 
 
 def is_baseline(name: str, default: str) -> bool:
-    """Whether matcher ``name`` is none that decodes the network's spikes."""
+    """Whether the matcher ``name`` is a baseline, not a decoder of the network's spikes."""
     return name != default and name not in DECODERS
 
 
 def _header(data: ReportData) -> str:
-    """The head of the page: title, the one sentence that matters, and how far the baselines get."""
+    """The head of the page: title, recall in a sentence, and the recall of the baselines."""
     correct, queries = int(sections.correct_queries(data).sum()), len(data.query_names)
     default = data.metrics[data.default_decoder]
     compared = [n for n in data.metrics if n == data.default_decoder or is_baseline(n, data.default_decoder)]
@@ -59,7 +59,7 @@ def _header(data: ReportData) -> str:
 
 
 def _table(data: ReportData) -> str:
-    """One row for each matcher; the best figure of every column is bold."""
+    """The table of figures, a row for each matcher; the best figure of each column is bold."""
     rows = {name: values_of(figures) for name, figures in data.metrics.items()}
     best = [
         max((value for value in column if is_number(value)), default=math.inf)
@@ -83,7 +83,7 @@ def _table(data: ReportData) -> str:
 
 
 def _curves(data: ReportData) -> str:
-    """Precision-recall curves with a legend that is also their switch."""
+    """Precision-recall curves, and a legend that shows or hides each of them."""
     baselines = [name for name in data.metrics if is_baseline(name, data.default_decoder)]
     areas = "; ".join(f"{label(n)} {fraction(m.auc, 2)}" for n, m in data.metrics.items())
     alt = safe(f"Precision over recall of {len(data.metrics)} matchers; areas under the curves: {areas}")
@@ -102,7 +102,7 @@ def _curves(data: ReportData) -> str:
 
 
 def _payload(data: ReportData, sheets: dict[str, Any]) -> str:
-    """What the script needs, as JSON that cannot end its own element."""
+    """The script's data, as JSON that is safe within its element."""
     correct = sections.correct_queries(data)
     wrong = np.flatnonzero(~correct)
     content = {

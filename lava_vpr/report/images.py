@@ -16,7 +16,7 @@ _JPEG_QUALITY = 88
 
 
 def data_uri(image: NDArray[np.uint8], lossless: bool = False) -> str:
-    """``image`` (h, w) or (h, w, 3) BGR as a ``data:`` URI, PNG when small or ``lossless``, else JPEG."""
+    """``image`` (h, w) or (h, w, 3) BGR as a ``data:`` URI, a PNG if it is small or ``lossless``, else a JPEG."""
     small = lossless or image.shape[0] * image.shape[1] <= _LOSSLESS_PIXELS
     if small:
         data = as_png(image)
@@ -26,7 +26,7 @@ def data_uri(image: NDArray[np.uint8], lossless: bool = False) -> str:
 
 
 def shrunk(image: NDArray[np.uint8], longest: int) -> NDArray[np.uint8]:
-    """``image`` with no side above ``longest`` pixels, averaged down when it was larger."""
+    """``image``, averaged down if a side is longer than ``longest`` pixels."""
     height, width = image.shape[:2]
     factor = longest / max(height, width)
     if factor >= 1:
@@ -41,7 +41,7 @@ class ContactSheet(NamedTuple):
     Attributes:
         uri: Its ``data:`` URI.
         columns, rows: Images in a row, and in a column.
-        shape: Height and width of each image, before it was made smaller.
+        shape: Height and width of each image before it was reduced, in pixels.
     """
 
     uri: str
@@ -50,7 +50,7 @@ class ContactSheet(NamedTuple):
     shape: tuple[int, int]
 
     def style(self, selector: str) -> str:
-        """Style of an element that shows one of them, at its ``background-position``."""
+        """The style of elements that show one image of the sheet, each by its ``background-position``."""
         height, width = self.shape
         return (
             f"{selector}{{background-image:url({self.uri});background-size:{100 * self.columns}% {100 * self.rows}%;"
@@ -88,8 +88,9 @@ def contact_sheet(images: NDArray[np.uint8]) -> ContactSheet:
 def weight_image(weights: NDArray[Any], grid: int, points: int = 0) -> NDArray[np.uint8]:
     """One neuron's weights of one channel (grid^2,) or two (2 grid^2,) as grey levels, (grid, grid).
 
-    One channel: black is 0, white the largest weight. Two: white is the first alone, black the second, grey neither.
-    Channels of fewer ``points`` fill the grid but for its end, where there is no weight.
+    With one channel, 0 is black and the largest weight white. With two, a weight of the first channel alone is white,
+    of the second alone black, and equal weights are grey. Channels of fewer ``points`` than the grid has cells fill it
+    from its start; the other cells have no weight.
     """
     maps = np.zeros((len(weights) // (points or grid**2), grid**2))
     maps[:, : points or grid**2] = weights.reshape(len(maps), -1)
@@ -100,10 +101,10 @@ def weight_image(weights: NDArray[Any], grid: int, points: int = 0) -> NDArray[n
 
 
 CELL = 100
-"""Side of one grid cell in the drawing's own units; integers keep the file small."""
+"""Side of a grid cell in units of the drawing, whose integers keep the file small."""
 
 _OPACITIES = (0.22, 0.4, 0.7, 1.0)
-# A stroke weaker than this share of the neuron's strong weights would only be dust.
+# Strokes weaker than this share of the neuron's strong weights are left out: they would be specks.
 _WEAKEST = 0.15
 
 
@@ -117,12 +118,12 @@ def edge_direction(channel: int, orientations: int) -> tuple[float, float]:
 
 
 def strokes(weights: NDArray[Any], orientations: int, grid: int) -> str:
-    """One neuron's orientation weights as SVG: in every cell a stroke per channel along the edge it expects.
+    """One neuron's orientation weights as SVG: in each cell a stroke for each channel, along the edge that excites it.
 
     Args:
         weights: Shape (orientations * grid * grid,), at least 0, ordered channel, row, column.
     Returns:
-        An ``<svg>`` that fills whatever box it is put in; stroke length and opacity grow with the weight.
+        An ``<svg>`` element that fills its container; stroke length and opacity grow with the weight.
     """
     maps = weights.astype(np.float64).reshape(orientations, grid, grid)
     # The largest weight may be a lone outlier; a high percentile of the non-zero ones keeps the rest visible.
@@ -145,7 +146,7 @@ def strokes(weights: NDArray[Any], orientations: int, grid: int) -> str:
 
 
 def representatives(neuron_places: NDArray[np.integer[Any]], limit: int) -> NDArray[np.intp]:
-    """At most ``limit`` neurons of different places, evenly spread over the route, in route order."""
+    """Indices of at most ``limit`` neurons of different places, evenly spread over the route, in its order."""
     places, neurons = np.unique(neuron_places, return_index=True)
     neurons = neurons[places >= 0]
     if len(neurons) <= limit:

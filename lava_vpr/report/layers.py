@@ -1,4 +1,4 @@
-"""The layers of a spiking front end that one image goes through, as they spike; equal data give equal bytes."""
+"""A drawing of the spikes in all layers of a spiking front end for one image; equal data give equal bytes."""
 
 from __future__ import annotations
 
@@ -20,24 +20,25 @@ from lava_vpr.show.page import Section
 from lava_vpr.show.svg import THEME, canvas, in_paper_colours, themed, to_svg
 
 _HUES = ("#d9485f", "#c57418", "#948b12", "#3a9a3c", "#17978f", "#2787c4", "#7b68d8", "#c34fb8")
-"""Colours of directions, readable on white and on black; half of them apart is half a turn apart."""
+"""Colours of directions in the order of their angles, once around the colour circle; readable on white and on black."""
 _PLAIN = "#7d8894"
 _WIDTH, _HEIGHT = 860.0, 880.0
 _ROWS = {"events": 60, "clock": 30, "pixels": 66, "filters": 88, "pairs": 72, "onsets": 56, "cells": 72, "pools": 36}
-"""Height of each population in the raster, pixels."""
+"""Height of each population in the raster, in pixels."""
 _GAP = 7
 _THICK = (2.4, 1.5, 0.8)
-"""Widths of strokes, of those that spike in the first third of the race, in the second, and later."""
+"""Widths of the strokes of pairs that spike in the first third of the race, in the second, and later."""
 
 
 class Layers(NamedTuple):
-    """What one image does to a spiking front end.
+    """The spikes of a spiking front end for one image.
 
     Attributes:
-        name: The image's.
+        name: Name of the image.
         spec: The front end.
-        image: The image, uint8 (h, w, 3) BGR, or small.
-        trains: Spikes of each population by name, and of axons as ``events`` where events come, uint8 (steps, neurons).
+        image: The image, possibly reduced, uint8 (h, w, 3) BGR.
+        trains: Spikes of each population by name, uint8 (steps, neurons); with input by events also those of the axons
+            at which they arrive, ``events``.
     """
 
     name: str
@@ -47,21 +48,26 @@ class Layers(NamedTuple):
 
     @classmethod
     def of(cls, spec: FrontEnd, image: NDArray[np.uint8], name: str, seen: NDArray[np.uint8] | None = None) -> Layers:
-        """What ``spec`` does with ``image`` (h, w, 3) BGR; with what it has ``seen`` of it, if ``image`` is small."""
+        """Run ``spec`` on ``image`` (h, w, 3) BGR, or on ``seen``, its pixels as ``spec`` takes them."""
         shown = (spec.seen(image) if seen is None else seen)[None]
         axons = {"events": spec.events(shown)[0].astype(np.uint8)} if spec.window else {}
         return cls(name, spec, image, axons | {name: film[0] for name, film in spec.trains(shown).items()})
 
     @property
     def edges(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Of the first pair of filters to spike where they stand: its direction and its step, those after the last if
-        there is none, int64 (rows, columns)."""
+        """Direction and step of the first pair of filters to spike at each position, int64 (rows, columns) each.
+
+        The step is ``spec.steps`` where no pair spikes.
+        """
         film = self.trains["pairs"].reshape(self.spec.steps, self.spec.height, -1, self.spec.directions)
         steps = np.where(film.any(axis=0), film.argmax(axis=0), self.spec.steps)
         return steps.argmin(axis=2) % self.spec.orientations, steps.min(axis=2)
 
     def by_direction(self, name: str) -> tuple[NDArray[np.uint8], int]:
-        """The spikes of a population, by direction where it has any, (steps, neurons), and of how many directions."""
+        """The spikes of a population, uint8 (steps, neurons), ordered by direction, and the number of directions.
+
+        A population without directions has 1.
+        """
         film, spec = self.trains[name], self.spec
         if name in ("filters", "pairs"):
             both = film.reshape(spec.steps, -1, 2, spec.orientations)
@@ -70,7 +76,7 @@ class Layers(NamedTuple):
 
 
 def section(found: Layers | None) -> Section:
-    """The section of a page; without content where there is no spiking front end."""
+    """The section of a page; without content if there is no spiking front end."""
     if found is None:
         return Section("layers", "Front end", [])
     note = f"What happens in the front end when it is shown {found.name}, the surest match. {_NOTE}"
@@ -93,14 +99,14 @@ def drawing(found: Layers) -> str:
 @in_paper_colours()
 @themed()
 def picture(found: Layers, dots: int = 115) -> bytes:
-    """The layers as a PNG file in the colours of paper, of so many dots an inch; it is 11.9 inches wide."""
+    """The layers as a PNG file in the colours of paper, 11.9 inches wide, with ``dots`` an inch."""
     written = io.BytesIO()
     _figure(found).savefig(written, format="png", dpi=dots, facecolor=THEME["panel"], metadata={"Software": None})
     return written.getvalue()
 
 
 def _figure(found: Layers) -> Figure:
-    """All layers: the image, pixels and edges; cells by direction; every population over the steps."""
+    """The figure of all layers: image, pixels and edges; cells by direction; all populations over the steps."""
     figure = canvas(_WIDTH, _HEIGHT)
     _axes(figure, 6, 30, 258, 193).imshow(found.image[..., ::-1], aspect="auto")
     _pixels(figure, found)
@@ -119,7 +125,7 @@ def _figure(found: Layers) -> Figure:
 
 
 def _axes(figure: Figure, left: float, top: float, width: float, height: float, frame: bool = False) -> Axes:
-    """Axes of so many pixels, from the upper left corner on, without ticks."""
+    """Axes without ticks; all measures in pixels, ``left`` and ``top`` from the figure's upper left corner."""
     box = (left / _WIDTH, 1 - (top + height) / _HEIGHT, width / _WIDTH, height / _HEIGHT)
     axes = figure.add_axes(box, xticks=[], yticks=[])
     axes.spines[:].set_visible(frame)
@@ -127,14 +133,14 @@ def _axes(figure: Figure, left: float, top: float, width: float, height: float, 
 
 
 def _scale(axes: Axes, ticks: Iterable[int], words: Iterable[object]) -> None:
-    """What grey levels mean, to the right of ``axes``."""
+    """Label the right side of ``axes``, a scale of grey levels or colours, with ``words`` at ``ticks``."""
     axes.yaxis.tick_right()
     axes.set_yticks(list(ticks), [str(word) for word in words], fontsize=9)
     axes.tick_params(length=0)
 
 
 def _pixels(figure: Figure, found: Layers) -> None:
-    """When each pixel spikes: the earlier, the brighter."""
+    """Draw the step at which each pixel spikes, earlier ones brighter, and the scale."""
     spec = found.spec
     steps = found.trains["pixels"].argmax(axis=0).reshape(spec.height, spec.width)
     span = np.arange(spec.window, spec.window + spec.levels)
@@ -145,7 +151,7 @@ def _pixels(figure: Figure, found: Layers) -> None:
 
 
 def _edges(axes: Axes, found: Layers) -> None:
-    """The first edge where a pair stands, as a stroke along it, in the colour of its direction."""
+    """Draw the first edge at each position as a stroke along it, in the colour of its direction."""
     spec, apart = found.spec, COLUMNS * found.spec.joined
     channels, steps = found.edges
     late = np.clip(3 * (steps - spec.window - spec.levels) // max(1, spec.race), 0, 2)
@@ -163,12 +169,12 @@ def _edges(axes: Axes, found: Layers) -> None:
 
 
 def _hue(channel: int, spec: FrontEnd) -> str:
-    """The colour of a direction."""
+    """The colour of direction ``channel``."""
     return _HUES[channel * len(_HUES) // spec.orientations]
 
 
 def _cells(figure: Figure, found: Layers) -> None:
-    """How often each cell spikes, a map for each direction in its colour, and what the colours mean."""
+    """Draw the number of spikes of each cell, a map for each direction in its colour, and the scale."""
     spec = found.spec
     wide, shape = 800 / spec.orientations, (spec.orientations, spec.grid, spec.grid)
     for channel, counts in enumerate(found.trains["cells"].sum(axis=0).reshape(shape)):
@@ -184,19 +190,19 @@ def _cells(figure: Figure, found: Layers) -> None:
 
 
 def _tinted(axes: Axes, shares: NDArray[np.float64], colours: NDArray[np.float64], **options: Any) -> None:
-    """An image in ``colours``, (3,) or (rows, 1, 3), that covers the more, the larger the share."""
+    """Draw ``shares`` (rows, columns), 0..1, as opacities of ``colours``, (3,) or (rows, 1, 3)."""
     image = np.empty((*shares.shape, 4))
     image[..., :3], image[..., 3] = colours, shares
     axes.imshow(image, aspect="auto", interpolation="none", **options)
 
 
 def _sources(name: str) -> str:
-    """What spikes in a row of the raster: neurons of a population, or the axons at which events arrive."""
+    """The name of a part of the raster: that of a population, or of the axons at which events arrive."""
     return "event axons" if name == "events" else name
 
 
 def _raster(axes: Axes, found: Layers) -> None:
-    """Spikes of all populations over the steps, the larger ones by so many neurons a row."""
+    """Draw the spikes of all populations over the steps; in large ones a row stands for several neurons."""
     spec, top = found.spec, 0
     small: dict[str, Any] = {"fontsize": 9.5, "color": THEME["muted"]}
     for name, film in found.trains.items():
@@ -218,7 +224,7 @@ def _raster(axes: Axes, found: Layers) -> None:
 
 
 def _band(axes: Axes, found: Layers, name: str, top: int) -> None:
-    """The spikes of a population below ``top``, as strong as the share of a row's neurons that spike."""
+    """Draw a population's spikes below ``top``; opacity grows with the share of a row's neurons that spike."""
     film, directions = found.by_direction(name)
     steps, neurons = film.shape
     rows = min(neurons, 2 * _ROWS[name] // directions * directions)

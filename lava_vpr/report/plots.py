@@ -22,7 +22,7 @@ LARGEST_MATRIX = 360
 """Matrices with more rows or columns than this are pooled before they are drawn."""
 
 MATRIX_BOX = (0.13, 0.03, 0.84, 0.84)
-"""Left, top, width and height of a matrix within its drawing, as shares of it."""
+"""Left, top, width and height of a matrix, as shares of its drawing."""
 
 _MARKERS = "osD^vPX*"
 
@@ -62,10 +62,10 @@ def precision_recall(metrics: Mapping[str, Metrics], default: str, baselines: Se
 
 
 def pooled(scores: NDArray[Any], largest: int = LARGEST_MATRIX) -> tuple[NDArray[np.float64], int, int]:
-    """``scores`` with at most ``largest`` rows and columns, each pixel the best score of a block; the block's sides.
+    """``scores`` reduced to at most ``largest`` rows and columns, one for each block of scores; and the block's sides.
 
-    The maximum and not the mean: a match is a single bright cell, and averaging would hide it. What is not finite
-    (no full window of a sequence) becomes NaN.
+    A block becomes its maximum, since a mean would hide a match, a single bright cell. Scores that are not finite, as
+    of incomplete sequences, become NaN.
     """
     values = np.where(np.isfinite(scores), scores, -np.inf).astype(np.float64)
     rows, columns = (max(1, math.ceil(side / largest)) for side in values.shape)
@@ -90,7 +90,7 @@ def scaled(values: NDArray[np.float64], per_query: bool) -> NDArray[np.float64]:
 
 
 def _truth_outline(truth: NDArray[np.bool_]) -> Outline:
-    """The first to the last true place of every query as one outline of closed boxes, x queries, y places."""
+    """One outline of a closed box for each query, from its first to its last true place; x: queries, y: places."""
     boxes = []
     for query in np.flatnonzero(truth.any(axis=1)):
         places = np.flatnonzero(truth[query])
@@ -101,7 +101,7 @@ def _truth_outline(truth: NDArray[np.bool_]) -> Outline:
 
 
 def _marks(axes: Axes, queries: NDArray[np.intp], matches: NDArray[Any], right: NDArray[np.bool_]) -> None:
-    """Best matches: a ring where it is right, a cross where it is wrong (shape and colour both tell)."""
+    """Draw each best match: a ring if it is right, a cross in another colour if it is wrong."""
     size = 3.4 if len(queries) <= 250 else 2.0
     # The dark cross below the bright one keeps it visible on every colour of the map.
     for is_right, marker, colour, width, name in (
@@ -126,12 +126,14 @@ def _marks(axes: Axes, queries: NDArray[np.intp], matches: NDArray[Any], right: 
 def score_matrix(
     scores: NDArray[Any], truth: NDArray[np.bool_], matches: NDArray[Any], prefix: str, label: str
 ) -> tuple[str, int]:
-    """Scores with ground truth and best matches over them, queries to the right, places downwards.
+    """A drawing of scores, with ground truth and best matches over them; queries to the right, places downwards.
 
     Args:
         scores: Shape (n_queries, n_places), higher is better.
         truth: Same shape; drawn as outlined cells.
         matches: Place of each query, -1 for none.
+        prefix: Beginning of the ids within the drawing.
+        label: Text alternative of the drawing.
     Returns:
         The drawing, with one image scaled over the whole matrix (id ``PREFIX-whole``) and one scaled per query (id
         ``PREFIX-query``), and the larger side of the block of scores behind a pixel.
@@ -160,7 +162,7 @@ def score_matrix(
 
 
 def _ticks(axes: Axes, steps: NDArray[Any], rows: NDArray[Any], half: float, colour: str, width: float) -> None:
-    """Spikes as vertical ticks of 2 ``half`` rows, all in one path."""
+    """Draw spikes as vertical ticks, 2 ``half`` rows high, all in one path."""
     if not len(steps):
         return
     vertices = np.empty((len(steps), 2, 2))
@@ -175,12 +177,14 @@ def _ticks(axes: Axes, steps: NDArray[Any], rows: NDArray[Any], half: float, col
 def spike_raster(
     raster: Raster, groups: Mapping[str, NDArray[np.intp]], order: NDArray[np.intp], label: str, prefix: str
 ) -> str:
-    """Excitatory spikes over time, and each neuron's count beside them.
+    """A drawing of excitatory spikes over the steps, with each neuron's count beside them.
 
     Args:
         raster: The spikes.
         groups: Neurons to be highlighted, by colour variable (``right``, ``wrong``, ...).
         order: The neurons from top to bottom, a permutation of all.
+        label: Text alternative of the drawing.
+        prefix: Beginning of the ids within the drawing.
     """
     rows = np.empty(raster.neurons, dtype=np.intp)
     rows[order] = np.arange(raster.neurons)
@@ -216,13 +220,13 @@ def spike_raster(
 
 _WIDTH, _LEAST, _MOST = 860.0, 300.0, 640.0
 _ABOVE_BELOW = 54.0
-"""Pixels above and below the map, with its labels."""
+"""Height of the labels above and below the map together, in pixels."""
 _JUMP = 10.0
-"""Where neighbours are so many times as far apart as most are, the route is not drawn through."""
+"""Multiple of the median distance between neighbours above which the line of the route is interrupted."""
 
 
 def _spans(data: MapData) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The corners of what is drawn, with a margin of a twentieth, at least a metre."""
+    """The lowest and highest coordinates of the drawing in metres, (2,) each, with a margin of 5 % or a metre."""
     points = np.concatenate([data.places, data.queries])
     low, high = points.min(axis=0), points.max(axis=0)
     margin = max(1.0, 0.05 * float((high - low).max()))
@@ -230,7 +234,7 @@ def _spans(data: MapData) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _route(axes: Axes, places: NDArray[np.float64]) -> None:
-    """The places in their order, joined by a line but for jumps."""
+    """Draw the places in order, joined by a line that is interrupted at jumps."""
     steps = np.hypot(*np.diff(places, axis=0).T)
     joined = steps <= _JUMP * np.median(steps) if len(steps) else np.zeros(0, np.bool_)
     lines = np.stack([places[:-1], places[1:]], axis=1)[joined]
@@ -239,13 +243,13 @@ def _route(axes: Axes, places: NDArray[np.float64]) -> None:
 
 
 class Mark(NamedTuple):
-    """Queries that a drawing shows alike.
+    """A group of queries with the same mark in a drawing.
 
     Attributes:
-        name: What they are.
+        name: Name of the group.
         colour: Colour variable.
-        marker: Their shape.
-        chosen: Which queries they are, bool (n_queries,).
+        marker: Shape, as Matplotlib names it.
+        chosen: Whether each query belongs to the group, bool (n_queries,).
     """
 
     name: str
@@ -255,7 +259,7 @@ class Mark(NamedTuple):
 
 
 def held_marks(matches: NDArray[np.integer[Any]], correct: NDArray[np.bool_]) -> tuple[Mark, ...]:
-    """Queries that were compared with the truth: shape and colour both tell whether a match is right."""
+    """The marks of queries compared with the truth; right and wrong matches differ in shape and colour."""
     return (
         Mark("missing", "muted", "s", matches < 0),
         Mark("right", "right", "o", correct),
@@ -264,7 +268,7 @@ def held_marks(matches: NDArray[np.integer[Any]], correct: NDArray[np.bool_]) ->
 
 
 def _queries(axes: Axes, data: MapData, matches: NDArray[np.integer[Any]], marks: Sequence[Mark]) -> None:
-    """The queries, each with a line to its match."""
+    """Draw the queries, each with a line to its match."""
     size = 4.2 if len(matches) <= 250 else 2.6
     for name, colour, marker, chosen in marks:
         if name != "missing":
@@ -292,7 +296,7 @@ def route_map(data: MapData, matches: NDArray[np.integer[Any]], marks: Sequence[
         data: Where places and queries were taken.
         matches: Place of each query, -1 for none, int (n_queries,).
         marks: How queries are drawn; those named ``missing`` have no line to a match.
-        label: What the drawing says, for who does not see it.
+        label: Text alternative of the drawing.
     """
     low, high = _spans(data)
     tall = float(np.clip(_WIDTH * (high - low)[1] / (high - low)[0], _LEAST, _MOST))
@@ -317,14 +321,14 @@ def followed_drive(
     followed: NDArray[np.float64],
     label: str,
 ) -> str:
-    """A drive through the map: the place of each query, and below it what a forward filter believes besides.
+    """A drawing of a drive: the matched place of each query, and below it two probabilities of a forward filter.
 
     Args:
         matches: Number of the matched place of each query, -1 for none, int (n_queries,).
         marks: How queries are drawn.
         off_map: Probability that each query is off the map, float64 (n_queries,).
         followed: Probability that the filter follows the robot there, float64 (n_queries,).
-        label: What the drawing says, for who does not see it.
+        label: Text alternative of the drawing.
     """
     figure = canvas(_WIDTH, 380)
     axes, below = gridded(figure, (0.075, 0.4, 0.915, 0.58)), gridded(figure, (0.075, 0.13, 0.915, 0.2))

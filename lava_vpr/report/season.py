@@ -1,4 +1,4 @@
-"""What a map has learned to trust: a picture over the image of a place, and how many inputs have which gain."""
+"""The gains that a season has taught: a picture over the image of a place, and the number of inputs by gain."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ _NOTE = (
 
 
 class Trusted(NamedTuple):
-    """What is known of a season.
+    """The gains of a season, as pages show them.
 
     Attributes:
-        gains: How many inputs have which gain.
-        picture: Where gains are high, uint8 (480, 640, 3) BGR; None: the inputs see no image.
+        gains: Table of the number of inputs by gain.
+        picture: Gains over the image of a place (`trusted`); None if inputs see no image.
     """
 
     gains: Table
@@ -39,7 +39,7 @@ class Trusted(NamedTuple):
 
     @classmethod
     def of(cls, model: Model, season: Season | None) -> Trusted | None:
-        """What ``season`` is for ``model``; None: nothing."""
+        """The gains of ``season`` for ``model``; None without a season."""
         if season is None:
             return None
         sees = INPUTS[model.config.encoder.kind].sees != "vector"
@@ -47,11 +47,15 @@ class Trusted(NamedTuple):
 
 
 def trusted(model: Model, gains: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """What ``model`` trusts under ``gains`` (inputs,): the image of its middle place, grey, under yellow where gains
-    are highest on average and blue where they are lowest, uint8 (480, 640, 3) BGR.
+    """Mean gains over the image of the model's middle place, uint8 (480, 640, 3) BGR.
 
+    The image is grey; yellow covers it where gains are highest, and blue where they are lowest.
+
+    Args:
+        model: The model.
+        gains: Gain of each input, uint8 (inputs,).
     Raises:
-        ConfigError: its inputs see no image.
+        ConfigError: the model's inputs see no image.
     """
     encoder = model.config.encoder
     if INPUTS[encoder.kind].sees == "vector":
@@ -66,7 +70,7 @@ def trusted(model: Model, gains: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def gains_table(season: Season) -> Table:
-    """How many inputs have which gain."""
+    """A table of the number of inputs by gain."""
     rows = []
     for first, end in itertools.pairwise(_BOUNDS):
         inputs = int(np.count_nonzero((season.gains >= first) & (season.gains < end)))
@@ -77,7 +81,7 @@ def gains_table(season: Season) -> Table:
 
 
 def section(found: Trusted | None) -> Section:
-    """The section of a page; without content if nothing is known of a season."""
+    """The section of a page; without content if there is no season."""
     if found is None:
         return Section("season", "Season", [])
     parts: list[str | Table] = [found.gains]

@@ -20,7 +20,7 @@ _THUMBNAIL = 320
 
 
 def true_place(data: ReportData, query: int) -> int:
-    """The query's true place that is nearest to its match, or the middle one if it has no match; -1: it has none."""
+    """The true place nearest to the query's match, or the middle one without a match; -1: there is no true place."""
     places, match = np.flatnonzero(data.truth[query]), data.matches[query]
     if not len(places):
         return -1
@@ -28,14 +28,14 @@ def true_place(data: ReportData, query: int) -> int:
 
 
 def true_role(data: ReportData, query: int) -> str:
-    """What `true_place` is to the query: its only one, or which of several."""
+    """The caption of `true_place`: the only true place of the query, or which of several."""
     places = int(data.truth[query].sum())
     which = "the middle one" if data.matches[query] < 0 else "the nearest"
     return "True place" if places <= 1 else f"True place, {which} of {places}"
 
 
 def correct_queries(data: ReportData) -> NDArray[np.bool_]:
-    """Which queries were matched to a true place, shape (n_queries,)."""
+    """Whether each query was matched to a true place, bool (n_queries,)."""
     known = data.matches >= 0
     correct = np.zeros(len(data.matches), dtype=np.bool_)
     correct[known] = data.truth[np.flatnonzero(known), data.matches[known]]
@@ -48,7 +48,7 @@ def _place(data: ReportData, place: int) -> str:
 
 
 def _image(images: NDArray[np.uint8], index: int, alt: str) -> str:
-    """One thumbnail; ``alt`` is already safe."""
+    """A thumbnail as HTML; ``alt`` is escaped already."""
     small = shrunk(images[index], _THUMBNAIL)
     height, width = small.shape[:2]
     return f'<img src="{data_uri(small)}" width="{width}" height="{height}" alt="{alt}">'
@@ -104,20 +104,20 @@ def heights(confidence: NDArray[Any]) -> NDArray[np.float64]:
     """Confidence (n,) as heights of `bars`, float64 (n,): the surest is .98 high."""
     values = np.nan_to_num(confidence.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
     floor = min(0.0, float(values.min(initial=0.0)))
-    # Distances are negative confidences: bars then grow from the worst one up.
+    # Confidences of distances are negative; their bars rise from the lowest one.
     span = float(values.max(initial=0.0)) - floor
-    # 0.03: a query without any confidence is still there to be pointed at.
+    # 0.03: the bar of a query without confidence can still be pointed at.
     return 0.03 + 0.95 * (values - floor) / span if span > 0 else np.full(len(values), 0.03)
 
 
 def bars(tops: NDArray[np.float64], kinds: NDArray[np.str_], line: float | None, alt: str) -> str:
-    """A bar for every query, in order.
+    """A drawing with a bar for each query, in order.
 
     Args:
         tops: Heights, 0 to 1, float64 (n_queries,).
         kinds: Class of each: ``r``, ``w`` (with a mark below) or ``n``.
-        line: Height of a line through all; None: there is none.
-        alt: What the drawing says, for who does not see it.
+        line: Height of a line across the drawing, 0 to 1; None: no line.
+        alt: Text alternative of the drawing.
     """
     drawn = []
     for query, (kind, top) in enumerate(zip(kinds.tolist(), tops.tolist(), strict=True)):
@@ -136,10 +136,10 @@ def bars(tops: NDArray[np.float64], kinds: NDArray[np.str_], line: float | None,
 
 
 def route(data: ReportData, correct: NDArray[np.bool_]) -> tuple[str, dict[str, Any], str]:
-    """The queries in order, and a browser for every one of them.
+    """The section of the queries in order, in which each can be opened.
 
     Returns:
-        The section, what its script needs to find images, and the style that holds these.
+        The section, the data by which its script finds images, and the style that holds the images.
     """
     values, style = sheets(data.query_thumbnails, data.place_thumbnails)
     frames = "".join(
@@ -153,7 +153,7 @@ def route(data: ReportData, correct: NDArray[np.bool_]) -> tuple[str, dict[str, 
 
 
 def sheets(queries: NDArray[np.uint8], places: NDArray[np.uint8]) -> tuple[dict[str, Any], str]:
-    """What a script needs to find a query's or a place's image on its contact sheet, and the style that holds both.
+    """Data by which a script finds the image of a query or place on its contact sheet, and the style with both sheets.
 
     Args:
         queries, places: uint8 (n, h, w, 3), BGR.
@@ -164,12 +164,12 @@ def sheets(queries: NDArray[np.uint8], places: NDArray[np.uint8]) -> tuple[dict[
 
 
 def where(data: MapData | None, matches: NDArray[np.integer[Any]], correct: NDArray[np.bool_]) -> str:
-    """The map, if positions are known.
+    """The section of the map; empty if positions are not known.
 
     Args:
         data: Where places and queries were taken.
         matches: Place of each query, -1 for none, int (n_queries,).
-        correct: Which of them are right, bool (n_queries,).
+        correct: Whether each match is right, bool (n_queries,).
     """
     if data is None:
         return ""
@@ -180,7 +180,7 @@ def where(data: MapData | None, matches: NDArray[np.integer[Any]], correct: NDAr
 
 
 def scores(data: ReportData) -> str:
-    """Score matrices of all matchers that the data holds, the default decoder's with its matches."""
+    """The section of score matrices, one for each matcher in the data; the default decoder's has its matches marked."""
     if not data.matrices:
         return ""
     panels, blocks = [], 1
@@ -206,7 +206,7 @@ def scores(data: ReportData) -> str:
 
 
 def receptive_fields(data: ReportData) -> str:
-    """Weights of some neurons, spread over the route, as strokes or images."""
+    """The section of receptive fields: weights of some neurons, spread over the route, as strokes or images."""
     neurons = representatives(data.neuron_places, _FIELDS)
     if data.weights is None or not len(neurons):
         return ""
@@ -227,7 +227,7 @@ def receptive_fields(data: ReportData) -> str:
             f"<figcaption>neuron {neuron}, place {data.place_numbers[place]}<br>"
             f"{safe(data.place_names[place])}</figcaption></figure>"
         )
-    # Opaque images would only hide the place.
+    # Opaque images would hide the place.
     switch = (
         '<div class="tools"><label><input type="checkbox" id="overlay"> lay them over the image</label></div>'
         if data.drawing == "strokes"
@@ -241,7 +241,7 @@ def _raster_groups(data: ReportData, raster: Raster) -> dict[str, NDArray[np.int
     right = raster.place >= 0 and bool(data.truth[raster.query, raster.place])
     winners = np.flatnonzero(data.neuron_places == raster.place) if raster.place >= 0 else np.zeros(0, dtype=np.intp)
     if raster.place >= 0 and not len(winners) and len(raster.spike_neurons):
-        # No neuron stands for this place above all: the busiest one decided.
+        # No neuron represents this place most; the busiest one decided the match.
         winners = np.array([np.bincount(raster.spike_neurons).argmax()])
     groups = {"right" if right else "wrong": winners}
     if not right and raster.true_place is not None:
@@ -250,7 +250,7 @@ def _raster_groups(data: ReportData, raster: Raster) -> dict[str, NDArray[np.int
 
 
 def spikes(data: ReportData) -> str:
-    """Spike rasters of a few queries, with what went in and what came out."""
+    """The section of spike rasters of a few queries, with their numbers of input and output spikes."""
     if not data.rasters:
         return ""
     unknown = len(data.place_names)
@@ -290,7 +290,7 @@ def _match_card(data: ReportData, query: int) -> str:
 
 
 def matches(data: ReportData, correct: NDArray[np.bool_]) -> str:
-    """The most confident mistakes first, then what was not answered, then some right matches."""
+    """The section of matches: the most confident mistakes, then queries without a match, then some right matches."""
     rank = np.argsort(-np.nan_to_num(data.confidence.astype(np.float64), nan=-np.inf), kind="stable")
     wrong = [int(q) for q in rank if data.matches[q] >= 0 and not correct[q]]
     wrong += [int(q) for q in rank if data.matches[q] < 0]
@@ -318,7 +318,7 @@ def cost(data: ReportData) -> str:
 
 
 def setup(data: ReportData) -> str:
-    """The section that says how to get these figures again."""
+    """The section with the command and the settings that give these figures again."""
     return render("report_setup.html", command=safe(data.command), configuration=safe(data.config_toml))
 
 

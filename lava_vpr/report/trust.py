@@ -12,14 +12,14 @@ from lava_vpr.show.svg import THEME, canvas, gridded, themed, to_svg
 from lava_vpr.show.templates import render, safe
 
 _WAYS = {"single": ("each image alone", "c0", "o"), "filtered": ("filtered", "c3", "D")}
-"""Title, colour and marker of each way to answer."""
+"""Title, colour and marker of each way of answering."""
 _HEADS = ("", "target precision", "threshold", "accepted", "precision", "kept", "false accepts")
 _FOLLOWED = {"filtered": "filtered", "forward_backward": "forward-backward"}
 
 
 @themed()
 def reliability(trust: Mapping[str, Trust], label: str) -> str:
-    """Share of the answers that were right over their probability; dots are as large as their bins are full."""
+    """A drawing of the share of right answers over their probability; larger dots stand for more answers."""
     figure = canvas(470, 385)
     axes = gridded(figure, (0.1, 0.11, 0.885, 0.865))
     axes.plot([0, 1], [0, 1], color=THEME["muted"], linewidth=1.0, linestyle=(0, (4, 3)), zorder=0)
@@ -51,10 +51,10 @@ def _followed(followed: Mapping[str, Metrics]) -> str:
 
 
 def section(trust: Mapping[str, Trust], followed: Mapping[str, Metrics]) -> str:
-    """The section, if there are probabilities.
+    """The section; empty if no probabilities are known.
 
     Args:
-        trust: How far probabilities can be trusted, by way to answer.
+        trust: How well probabilities agree with the truth, by way of answering.
         followed: Figures of a filter; empty if there was none.
     """
     if not trust:
