@@ -1,1 +1,1 @@
-"""What counts spikes: the host engine, Lava Processes, the simulation of a bundle, boards."""
+"""Backends, which count spikes: the host engine, Lava Processes, the simulation of a bundle, boards."""

@@ -1,4 +1,4 @@
-"""Queries answered in turn, some at a time: matched with those before them, and teaching where they shall."""
+"""Queries answered in turn, batch by batch: matched with those before them, and teaching if that is asked for."""
 
 from __future__ import annotations
 
@@ -29,14 +29,22 @@ from lava_vpr.season.table import Used
 from lava_vpr.traverse import Traverse
 
 BATCH = 256
-"""Queries of a stream that are encoded together, and decoded together: enough for the threads of a large machine."""
+"""Queries of a stream that are encoded and decoded together: enough for the threads of a large machine."""
 
 
 class Turn(NamedTuple):
-    """Some queries that were answered together: spike counts int32 (n, neurons), scores (n, places), answers, doubts
-    about each query, which of the answers taught, bool (n,), what is known of the season afterwards (None: it
-    does not count), the queries, straight ahead, and what they were presented with, if inputs have gains that are not
-    replayed."""
+    """Queries that were answered together.
+
+    Attributes:
+        counts: Spike counts, int32 (n, neurons).
+        scores: Scores, float64 (n, places).
+        answers: The answers.
+        signs: Signs of doubt of each query.
+        taught: Whether each answer taught, bool (n,).
+        season: The season afterwards; None if all inputs count alike.
+        seen: The encoded queries in the straight view.
+        used: Gains and biases of their presentations; None if inputs have no gains, or replayed ones.
+    """
 
     counts: NDArray[np.int32]
     scores: NDArray[np.float64]
@@ -58,7 +66,7 @@ def in_turn(
     traverse: Traverse | None = None,
     known: NDArray[np.int64] | None = None,
 ) -> Iterator[Turn]:
-    """Answer batch after batch of queries, and let the answers teach.
+    """Answer queries batch by batch, and let the answers teach.
 
     Args:
         model: A trained model.
@@ -67,10 +75,12 @@ def in_turn(
         backend: Counts the spikes.
         together: How queries are matched with those before them.
         calls: Batches whose spikes are counted together.
-        traverse: The images, of which times and positions are taken; None: there are none.
-        known: The place that each query shows, -1 for none, int64 (queries,): this teaches; None: the answers do.
+        traverse: The images, for their times and positions; None: neither is known.
+        known: The place that each query shows, -1 for none, int64 (queries,), which teaches; None: the answers teach.
+    Yields:
+        Each batch, answered.
     Raises:
-        ConfigError: answers cannot teach, as they have no probabilities.
+        ConfigError: answers cannot teach, because they have no probabilities.
     """
     asker.asking.check_together(together)
     state, motion = Answerer.of(model.config.decoder.default, model.places, together), Motion()
@@ -95,13 +105,13 @@ def in_turn(
 
 
 def paired(model: Model, queries: EncodedTraverse, places: NDArray[np.int64], pool: Pool = ONE_THREAD) -> Season:
-    """What a drive in another season teaches, of whose images the places are known.
+    """The season that a drive teaches whose images have known places.
 
     Args:
         model: A trained model.
         queries: The images, in driving order, encoded with its settings.
         places: The place that each shows, -1 for none, int64 (n,).
-        pool: Who counts spikes.
+        pool: Counts the spikes.
     Raises:
         ConfigError: the model has no neurons with biases.
     """
@@ -115,24 +125,24 @@ def paired(model: Model, queries: EncodedTraverse, places: NDArray[np.int64], po
 
 
 def teachers(turns: Sequence[Turn], truth: NDArray[np.bool_]) -> tuple[int, int]:
-    """How many answers taught, and how many of these were wrong by ``truth``, bool (n, places)."""
+    """The number of answers that taught, and of those among them that are wrong by ``truth``, bool (n, places)."""
     taught = np.concatenate([turn.taught for turn in turns])
     places = np.concatenate([turn.answers.matches for turn in turns])[taught]
     return len(places), int((~truth[np.flatnonzero(taught), places]).sum())
 
 
 class Answered(NamedTuple):
-    """Some queries of a stream, in order, and their answers.
+    """A batch of queries of a stream, in order, and their answers.
 
     Attributes:
         images: The queries.
-        answers: What the model says of each.
+        answers: Their answers.
         counts: Their spike counts, int32 (n, neurons).
-        thumbnails: The queries as pages show them, uint8 (n, 48, 64, 3) BGR; None unless they were to be kept.
+        thumbnails: The queries as pages show them, uint8 (n, 48, 64, 3) BGR; None if they are not kept.
         signs: Signs of doubt of each of them.
-        season: What is known of the season after them; None: it does not count.
-        used: What they were presented with, if inputs have gains that are not replayed.
-        grey: What a spiking front end has seen of each, uint8 (n, *shape); None unless that was to be kept.
+        season: The season after them; None if all inputs count alike.
+        used: Gains and biases of their presentations; None if inputs have no gains, or replayed ones.
+        grey: Their pixels as a spiking front end takes them, uint8 (n, *shape); None if these are not kept.
     """
 
     images: Traverse
@@ -160,25 +170,25 @@ def answer_stream(
     advance: Advance | None = None,
     keep: Keep = Keep.NOTHING,
 ) -> Iterator[Answered]:
-    """Answer the images of a traverse, some at a time: however many they are, few are in memory.
+    """Answer the images of a traverse batch by batch; only a few are in memory at once.
 
-    Every answer is the one that it has among all queries at once, bit for bit, and alone, unless the network adapts or
-    queries are matched together.
+    Batches change no answer, bit for bit. Unless the network adapts, learns a season, or queries are matched together,
+    each answer is the one that its image alone would get.
 
     Args:
         model: A trained model.
         traverse: The images.
         backend: Name in `lava_vpr.backends.registry.BACKENDS`.
         together: How queries are matched with those before them.
-        asking: How they are asked.
+        asking: How queries are asked.
         seed: The seed of the queries' noise; None: the model's.
         threads: Threads that read images, and those of the backend; they do not change the result.
         pace: Called with the scores of the queries.
-        at_once: The first image is answered before the second is read, then ever more together; unless the backend is
-            slow to start.
-        read: Called with how many more images are read.
-        advance: Called with how many more queries a slow backend has run.
-        keep: `Keep.THUMBNAILS` and `Keep.GREY`, if they are wanted.
+        at_once: Answer the first image before the second is read, then more and more together; without effect on
+            backends that are slow to start.
+        read: Called with the number of further images that were read.
+        advance: Called with the number of further queries that a slow backend has run.
+        keep: `Keep.THUMBNAILS` and `Keep.GREY`, if answers need them.
     Raises:
         LavaVprError: an image cannot be read, the sequence exceeds the places, or the backend cannot run.
     """

@@ -22,10 +22,14 @@ from lava_vpr.model import Model
 
 @dataclass(frozen=True)
 class Mismatch:
-    """The first spike in which a backend differs from the host: where, and what each of them says (0 or 1).
+    """The first difference between a backend and the host.
 
-    For a backend that tells counts only, the first count that differs; ``step`` is then None, as it is of activity
-    under gains.
+    Attributes:
+        query: Name of the query.
+        step: Step of the presentation; None where counts or products are compared.
+        population: Name of the population, or `GAINED`.
+        neuron: Number of the neuron in its population, or of the input.
+        host, backend: The value of each: a spike (0 or 1), a count, or a product of activity and gain.
     """
 
     query: str
@@ -44,12 +48,12 @@ class Mismatch:
 
 
 class SpikesCompared(NamedTuple):
-    """What a comparison found.
+    """The result of a comparison.
 
     Attributes:
         spikes: Spikes of the host that were compared, by population.
-        differing: How many (query, step, neuron) differ.
-        first: The first of them by query and step.
+        differing: Number of (query, step, neuron) at which spikes differ.
+        first: The first of these by query and step; None: all are equal.
     """
 
     spikes: dict[str, int]
@@ -85,12 +89,12 @@ def compare(
 
 
 class FrontEndQueries(NamedTuple):
-    """What a model's front end is shown.
+    """Queries for the spiking front end of a model.
 
     Attributes:
         model: The model.
-        views: The queries in each of their views, with what pixels take of them (`Keep.GREY`).
-        asked: Makes their presentations, view after view, of their activity.
+        views: The encoded queries in each of their views, with the pixels that the front end takes (`Keep.GREY`).
+        asked: Makes the presentations of encoded views, view after view.
     """
 
     model: Model
@@ -104,7 +108,7 @@ class FrontEndQueries(NamedTuple):
 
     @property
     def blocks(self) -> list[tuple[NDArray[np.uint8], list[str]]]:
-        """What pixels take of some images at a time, uint8 (n, height, width), and their names."""
+        """Blocks of at most `AT_ONCE` images: pixels that the front end takes, uint8 (n, height, width), and names."""
         grey = np.concatenate([view.kept(Keep.GREY, "comparing the front end") for view in self.views])
         starts = range(0, len(grey), AT_ONCE)
         return [(grey[start : start + AT_ONCE], self.names[start : start + AT_ONCE]) for start in starts]
@@ -113,7 +117,10 @@ class FrontEndQueries(NamedTuple):
 def compare_front_ends(
     run: RunFrontEnd | None, shown: FrontEndQueries | None, advance: Advance | None
 ) -> SpikesCompared:
-    """Compare what a backend's front end makes of the images, some at a time, with the host's."""
+    """Compare the spikes of a backend's front end with the host's, block by block.
+
+    The comparison is empty if the backend or the model has no front end.
+    """
     if run is None or shown is None:
         return SpikesCompared({})
     spec, blocks = front_end_of(shown.model), shown.blocks
@@ -125,7 +132,7 @@ def compare_front_ends(
 
 
 def of_own_cells(run: RunFrontEnd, shown: FrontEndQueries, advance: Advance | None) -> Presentations:
-    """The queries as presented where a backend's own front end decides their activity."""
+    """The presentations of queries with the activity that a backend's own front end gives them."""
     films = run(shown.model, (grey for grey, _ in shown.blocks), advance)
     activity = np.concatenate([film["cells"].sum(axis=1, dtype=np.float32) for film in films])
     parts = np.split(activity, len(shown.views))

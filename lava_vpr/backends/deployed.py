@@ -1,6 +1,6 @@
 """Backends that run a bundle: its simulation, and Kapoho Bay.
 
-A model that is no bundle is deployed to a temporary one first.
+They first deploy a model that is no bundle to a temporary one.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def bundle_of(model: Model, board: Board = KAPOHO_BAY) -> Iterator[ReadBundle]:
     """The bundle that ``model`` was read from, or else a temporary one for ``board``.
 
     Raises:
-        BundleError: it is not the bundle any more that ``model`` was read from.
+        BundleError: another bundle has replaced the one that ``model`` was read from.
         NetworkLimitError: the model does not fit the board.
     """
     if model.bundle is not None:
@@ -58,10 +58,10 @@ def _same(one: Model, other: Model) -> bool:
 
 @dataclass(frozen=True)
 class BundleBackend:
-    """Simulates the registers and memory of a bundle; reads nothing else.
+    """The backend that simulates a bundle from its registers and memory alone.
 
     Attributes:
-        advance: Called with the number of queries that are done.
+        advance: Called with the number of further queries that are done.
     """
 
     advance: Advance | None = None
@@ -86,7 +86,7 @@ class BundleBackend:
         return Trains(exc, inputs, inh)
 
     def _play(self, model: Model, shown: Presentations) -> Iterator[tuple[slice, BundleSpikes]]:
-        """Simulate the presentations some at a time; yields which they are, and their spikes."""
+        """Simulate the presentations part by part; yield each part and its spikes."""
         network, keys, bias = checked_network(model, "bundle"), shown.keys, shown.bias
         if bias is not None:
             network.check_presented(bias, len(keys))
@@ -103,15 +103,15 @@ class BundleBackend:
 def front_end_trains(
     model: Model, blocks: Iterable[NDArray[np.uint8]], advance: Advance | None = None
 ) -> Iterator[Mapping[str, NDArray[np.uint8]]]:
-    """Simulate the files of the spiking front end of a bundle, which is opened once; reads nothing else.
+    """Simulate the spiking front end of a bundle from its files alone; the bundle is opened once.
 
     Args:
         model: The bundle's model.
-        blocks: Grey levels of images' pixels, uint8 (n, height, width).
-        advance: Called with the number of images that are done.
+        blocks: Images as grey pixels, uint8 (n, height, width) each.
+        advance: Called with the number of further images that are done.
     Yields:
-        Of a block every spike of each population by name, uint8 (n, steps, neurons); nothing if the bundle holds no
-        front end.
+        The spikes of each population by name, uint8 (n, steps, neurons), for each block; an empty mapping if the bundle
+        holds no front end.
     """
     with bundle_of(model) as bundle:
         play = TARGETS[bundle.target].front_end_player(bundle)
@@ -123,11 +123,11 @@ def front_end_trains(
 
 @dataclass(frozen=True)
 class KapohoBayBackend:
-    """Runs a bundle's host program on the board; it reads out counts, not single spikes.
+    """The backend that runs a bundle's host program on the board, which reads out counts, not single spikes.
 
     Attributes:
-        advance: Called with the number of queries that are done.
-        board: The board that a model is deployed for first, unless it is a bundle.
+        advance: Called with the number of further queries that are done.
+        board: The board for which a model that is no bundle is deployed.
     """
 
     advance: Advance | None = None
@@ -143,7 +143,7 @@ class KapohoBayBackend:
         with bundle_of(model, self.board) as bundle:
             how: dict[str, Any] = {"bias": shown.bias, "pixels": shown.grey, "advance": self.advance}
             counts = board_program.run_bundle(bundle, shown.rates, shown.keys, **how)
-        # The board is sent what the host draws, so the host's engine can tell the events.
+        # The host draws the spikes that it sends the board, so its engine can count the events.
         _, events, _ = counting.count_spikes(network, shown.rates, shown.keys, bias=shown.bias)
         return counts, events
 

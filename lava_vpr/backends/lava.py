@@ -23,19 +23,19 @@ from lava_vpr.model import Model, checked_network
 from lava_vpr.processes.base import lava_checks
 
 SLOWEST = 40.0
-"""Steps per second of Lava that are still taken for progress; what takes longer, and two minutes, is ended."""
+"""Lowest accepted speed of Lava, in steps per second; a run ends two minutes after the time that this speed gives."""
 _STEPS_OF_DIGIT = 10
-"""Steps that take as long as a digit of activity: two, and all membranes are read."""
+"""Steps that take as long as one digit of activity: it needs two, and a reading of all membranes."""
 
 
 class Timed(NamedTuple):
-    """A run of Lava that was timed.
+    """A timed run of Lava.
 
     Attributes:
         counts: Spikes of each neuron, int32 (n, neurons).
-        runs: When Lava ran, float64 (runs, 3): presentations, begin and end (`time.monotonic`); the first run includes
-            what Lava compiles and starts.
-        held: Bytes that its processes held together; None if the system does not tell.
+        runs: Presentations, begin and end of each run of Lava, float64 (runs, 3), times in seconds (`time.monotonic`);
+            the first run includes compiling and starting.
+        held: Memory of Lava's processes together, in bytes; None if the system does not report it.
     """
 
     counts: NDArray[np.int32]
@@ -45,14 +45,14 @@ class Timed(NamedTuple):
 
 @dataclass(frozen=True)
 class LavaBackend:
-    """The network as Lava Processes.
+    """The backend that runs the network as Lava Processes.
 
     Attributes:
         name: Name of the backend.
         job: Function of `lava_vpr.processes.jobs.inference` that wires and runs the network.
-        tag: Which ProcessModels: ``fixed_pt`` or ``floating_pt``.
+        tag: Tag of the ProcessModels: ``fixed_pt`` or ``floating_pt``.
         board: Whether it runs on a Loihi 2 board.
-        advance: Called with the number of presentations that are done.
+        advance: Called with the number of further presentations that are done.
     """
 
     name: str
@@ -78,12 +78,12 @@ class LavaBackend:
         return Trains(**{name: results[name] for name in Trains.POPULATIONS if name in results})
 
     def timed(self, model: Model, shown: Presentations, *, single: bool) -> Timed:
-        """Count spikes and tell when Lava ran; with ``single`` every run is one presentation."""
+        """Count spikes, and report when Lava ran; with ``single`` each presentation is a run of its own."""
         results = self._run(model, shown, record=False, timed="single" if single else "runs")
         return Timed(results["counts"].astype(np.int32), results["runs"], int(results["held"][0]) or None)
 
     def _run(self, model: Model, shown: Presentations, *, record: bool, timed: str = "") -> dict[str, NDArray[Any]]:
-        """Run the job on every presentation."""
+        """Run the job on all presentations, and return its arrays."""
         network = checked_network(model, self.name)
         how: dict[str, Any] = {"tag": self.tag, "record": record, "board": self.board, "timed": timed}
         options = network.scalars | how
@@ -104,7 +104,7 @@ class LavaBackend:
     def _conductance(
         self, network: ConductanceState, config: Config, shown: Presentations
     ) -> tuple[NDArray[np.int32], Events]:
-        """Run the ``paper`` preset's network as float Processes: spike counts and events."""
+        """Run the network of preset ``paper`` as float Processes, and return spike counts and events."""
         arrays: dict[str, NDArray[Any]] = {
             "weights": network.weights,
             "theta_mv": network.theta_mv,
@@ -131,10 +131,12 @@ def front_end_trains(
 
     Args:
         job: Function of `lava_vpr.processes.jobs.front_end`.
-        tag: Which ProcessModels.
-        model: Whose front end.
-        blocks: What its pixels take of images, a run for each block, uint8 (n, height, width).
-        advance: Called with the number of images that are done.
+        tag: Tag of the ProcessModels.
+        model: The model that has the front end.
+        blocks: Images as the pixels that the front end takes, uint8 (n, height, width) each; a run for each block.
+        advance: Called with the number of further images that are done.
+    Yields:
+        The spikes of each population by name, uint8 (n, steps, neurons), for each block.
     """
     spec, target = front_end_of(model), f"lava_vpr.processes.jobs.front_end:{job}"
     arrays: dict[str, NDArray[Any]] = {}
@@ -158,8 +160,8 @@ def gained(
 
     Args:
         job: Function of `lava_vpr.processes.jobs.gains`.
-        tag: Which ProcessModels.
-        digits, gains, epoch, advance: As there.
+        tag: Tag of the ProcessModels.
+        digits, gains, epoch, advance: As in `RunGains`.
     """
     arrays: dict[str, NDArray[Any]] = {"digits": digits, "gains": gains, "epoch": epoch}
     timeout = 120 * len(gains) + _STEPS_OF_DIGIT * digits.shape[0] * digits.shape[1] / SLOWEST
@@ -168,7 +170,7 @@ def gained(
 
 
 def lava_missing() -> str | None:
-    """Why Lava cannot run here, and what to do; None if it can."""
+    """The reason why Lava cannot run here, with the remedy; None if it can."""
     try:
         lava_checks.require_lava()
     except BackendUnavailableError as error:
@@ -177,7 +179,7 @@ def lava_missing() -> str | None:
 
 
 def loihi2_missing() -> str | None:
-    """Why no Loihi 2 board can be used here, and what to do; None if one can."""
+    """The reason why no Loihi 2 board can be used here, with the remedy; None if one can."""
     missing = lava_missing()
     if missing is not None:
         return missing

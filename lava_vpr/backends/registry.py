@@ -1,4 +1,4 @@
-"""The one registry of backends, a row for each: everything that is known of a backend is a field of its row.
+"""The registry of backends; everything that the program knows about a backend is in its row.
 
 Every backend runs the model's own network spec and has no parameters of its own; equal model, rates and seed give equal
 counts, bit for bit, on every exact backend.
@@ -22,12 +22,12 @@ from lava_vpr.rows.registry import Registry
 BACKENDS: Registry[BackendRow] = Registry(
     "backend", BackendUnavailableError, group="lava_vpr.backends", row_class=BackendRow
 )
-"""Every backend by name; the first is the one that others are compared with."""
+"""Every backend by name; the others are compared with the first."""
 
 
 def _bundle(threads: int, advance: Advance | None) -> Backend:
     """The backend that simulates bundles."""
-    from lava_vpr.backends.deployed import BundleBackend  # only those who have a bundle wait for `deploy`
+    from lava_vpr.backends.deployed import BundleBackend  # a slow import, which only bundles need
 
     return BundleBackend(advance)
 
@@ -35,7 +35,7 @@ def _bundle(threads: int, advance: Advance | None) -> Backend:
 def _bundle_front_end(
     model: Model, blocks: Iterable[NDArray[np.uint8]], advance: Advance | None
 ) -> Iterator[Mapping[str, NDArray[np.uint8]]]:
-    """The front end in a bundle."""
+    """The spikes of the front end in a bundle, block by block."""
     from lava_vpr.backends.deployed import front_end_trains as simulated
 
     return simulated(model, blocks, advance)
@@ -49,7 +49,7 @@ def _kapoho_bay(threads: int, advance: Advance | None) -> Backend:
 
 
 def _kapoho_bay_missing() -> str | None:
-    """Why Kapoho Bay cannot be used here, and what to do; None if it can."""
+    """The reason why Kapoho Bay cannot be used here, with the remedy; None if it can."""
     from lava_vpr.deploy.bundle.board_program import kapoho_bay_available
 
     return kapoho_bay_available()
@@ -141,11 +141,12 @@ for _row in (
 
 
 def require(name: str, model: Model | None = None) -> None:
-    """Refuse a backend that cannot run here, or not ``model``, before any work is done.
+    """Refuse a backend that cannot run here, or cannot run ``model``, before any work is done.
 
     Raises:
-        BackendUnavailableError: unknown, its software or device is missing, or the model is a bundle for another board.
-        ConfigError: it lacks the neurons of ``model``.
+        BackendUnavailableError: no backend has that name, its software or device is missing, or the model is a bundle
+            for another board.
+        ConfigError: the backend does not have the neuron model of ``model``.
     """
     row = BACKENDS[name]
     reason = row.unavailable()
@@ -166,10 +167,14 @@ def require(name: str, model: Model | None = None) -> None:
 
 
 def get(name: str, threads: int = 1, advance: Advance | None = None) -> Backend:
-    """The backend called ``name``; ``advance`` is called with how many presentations are done by those that are slow.
+    """The backend called ``name``.
 
+    Args:
+        name: Name in `BACKENDS`.
+        threads: Threads of the backend.
+        advance: Called by slow backends with the number of further presentations that are done.
     Raises:
-        BackendUnavailableError: unknown, or its software or device is missing.
+        BackendUnavailableError: no backend has that name, or its software or device is missing.
     """
     require(name)
     row = BACKENDS[name]
@@ -178,5 +183,5 @@ def get(name: str, threads: int = 1, advance: Advance | None = None) -> Backend:
 
 
 def timed_by_default() -> tuple[str, ...]:
-    """The names of the backends that ``bench`` times if none is asked for: all that needs no board."""
+    """The names of the backends that ``bench`` times unless told otherwise; none needs a board."""
     return tuple(name for name, row in BACKENDS.items() if row.default)

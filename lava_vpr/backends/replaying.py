@@ -1,4 +1,4 @@
-"""Queries presented as a gain table says (`lava_vpr.season.table`), in place of what answers before would teach."""
+"""Queries presented with the gains and biases of a gain table (`lava_vpr.season.table`), not with learned ones."""
 
 from __future__ import annotations
 
@@ -16,16 +16,19 @@ from lava_vpr.season.table import GainTable
 
 
 class Replayer:
-    """Presents the queries of one traverse as a table says, some after some, in order."""
+    """Presents the queries of one traverse with the gains and biases of a table, part by part, in order."""
 
     def __init__(self, model: IntegerModel, table: GainTable) -> None:
         self._encoder, self._table, self._done = model.config.encoder, table, 0
 
     def weighed(self, shown: Sequence[Presentations], views: Sequence[EncodedTraverse]) -> list[Presentations]:
-        """The next queries, of which ``shown`` is without gains, in each of their views, as they were presented.
+        """The presentations of the next queries, with the gains and biases of the table.
 
+        Args:
+            shown: Their presentations without gains, one item a view.
+            views: The encoded queries, one item a view.
         Raises:
-            InputError: they are not those of the table.
+            InputError: the queries are not those of the table.
         """
         table, rows = self._table, slice(self._done, self._done + len(shown[0].rates))
         table.check_length(rows.stop)

@@ -1,9 +1,9 @@
-"""Rivals: the baselines that the decoder which answers is compared with, on the same queries.
+"""Rivals: baselines that are compared with the answering decoder, on the same queries.
 
 * ``sad`` and ``hog`` compare the images themselves, patch-normalised ones of 28 x 28 pixels and HOG descriptors of 64 x
   64; ``cosine`` compares the network's own input rates (`lava_vpr.matching.baselines`).
-* ``vectors`` and ``standardised`` compare vectors where the model learned those, as they were given, and less the
-  mean of the references: cosines that show what inputs and spikes cost.
+* ``vectors`` and ``standardised`` compare the vectors of a model that learned vectors, as given and with the mean of
+  the references subtracted: their cosines show how much recall inputs and spikes cost.
 * ``template`` is the network without learning: the references' rates as weights, one neuron a place, the same inputs,
   spikes, integers and decoder (`lava_vpr.training.templates`), on the host engine.
 """
@@ -41,14 +41,14 @@ BASELINES = {
     "vectors": "the vectors as they were given",
     "standardised": "the vectors, standardised on the references",
 }
-"""What each baseline sees of an image, by its name."""
+"""The part of an image that each baseline compares, in words, by its name."""
 _COMPARED = {
     "sad": ("SAD", Keep.PATCHES),
     "hog": ("HOG", Keep.HOG),
     "vectors": ("vectors", Keep.VECTORS),
     "standardised": ("standardised", Keep.VECTORS),
 }
-"""What a message calls each baseline that compares more of the images than their activity, and what that is."""
+"""The name in messages of each baseline that compares more than activity, and the arrays that it needs."""
 
 
 def descriptor_similarities(
@@ -81,7 +81,7 @@ def descriptor_similarities(
 
 
 def strange(model: Model) -> dict[str, str]:
-    """Why baselines of vectors have no place beside ``model``, by the names of those that have none."""
+    """Baselines of vectors that do not apply to ``model``: the reason for each, by name."""
     row = INPUTS[model.config.encoder.kind]
     if row.sees != "vector":
         vectors = [name for name in BASELINES if kept_for((name,)) == Keep.VECTORS]
@@ -90,8 +90,10 @@ def strange(model: Model) -> dict[str, str]:
 
 
 def missing(model: Model) -> dict[str, str]:
-    """Why ``model`` cannot be compared with a baseline, by the names of those with which it cannot; those that have no
-    place beside it (`strange`) are not among them."""
+    """Baselines that apply to ``model`` but cannot be computed: the reason for each, by name.
+
+    Those that do not apply are in `strange`.
+    """
     reasons = {}
     if model.vectors is not None:
         reasons = {name: "the model learned vectors; it compares images" for name in ("sad", "hog")}
@@ -103,13 +105,13 @@ def missing(model: Model) -> dict[str, str]:
 
 
 def chosen(model: Model, wanted: Sequence[str] | None) -> tuple[str, ...]:
-    """The baselines to compare ``model`` with.
+    """The names of the baselines to compare ``model`` with.
 
     Args:
         model: The model that answers.
-        wanted: Names in `BASELINES`; None: all that it can be compared with.
+        wanted: Names in `BASELINES`; None: all that can be computed.
     Raises:
-        ConfigError: it cannot be compared with one that is wanted.
+        ConfigError: a wanted baseline cannot be computed.
     """
     reasons = missing(model) | strange(model)
     if wanted is None:
@@ -121,12 +123,12 @@ def chosen(model: Model, wanted: Sequence[str] | None) -> tuple[str, ...]:
 
 
 def kept_for(names: Sequence[str]) -> Keep:
-    """What the baselines ``names`` need of query images beside their activity."""
+    """The parts of query images that encoding must keep, beside activity, for the baselines ``names``."""
     return reduce(or_, (_COMPARED[name][1] for name in names if name in _COMPARED), Keep.NOTHING)
 
 
 def compared(model: Model, queries: EncodedTraverse, name: str) -> tuple[NDArray[Any], NDArray[Any]]:
-    """What the baseline ``name`` compares of images or vectors: that of the queries, and of the references."""
+    """The arrays of images or vectors that the baseline ``name`` compares: the queries', and the references'."""
     called, kept = _COMPARED[name]
     pair = queries.kept(kept, called), np.asarray(getattr(model, str(kept.name).lower()))
     if name != "standardised" or model.standard is None:
@@ -139,7 +141,7 @@ class Scored(NamedTuple):
 
     Attributes:
         name: Its name in `DECODERS` or `BASELINES`.
-        matcher: Name of the decoder or matcher whose confidence its answers have.
+        matcher: Name of the decoder or matcher that gives its answers' confidence.
         scores: Scores of the queries.
     """
 
@@ -149,22 +151,22 @@ class Scored(NamedTuple):
 
 
 def decoded(model: Model, counts: NDArray[Any], name: str) -> InBlocks:
-    """Scores of spike counts (n, neurons) by the decoder ``name``, which is asked when they are."""
+    """Scores of spike counts (n, neurons) by the decoder ``name``, computed when they are read."""
     prepared = cache(partial(decoders.prepare, name, model.responses, gamma=model.config.decoder.gamma))
     return InBlocks(len(counts), model.places, lambda rows: prepared()(counts[rows]))
 
 
 @dataclass(frozen=True)
 class Rivals:
-    """The baselines of a model and its queries; every matrix of scores is made when it is asked for.
+    """The baselines of a model on its queries; scores are computed when they are read.
 
     Attributes:
         model: The model that answers.
         queries: The query images.
-        shown: The queries as backends are shown them, in every view.
+        shown: The presentations of the queries, view after view.
         names: Names of the baselines, as `chosen` returns them.
         asking: How queries are asked.
-        pool: Who counts spikes.
+        pool: Counts the spikes.
     """
 
     model: Model = field(repr=False)
@@ -176,8 +178,8 @@ class Rivals:
 
     @cached_property
     def template(self) -> IntegerModel:
-        """The model without learning."""
-        from lava_vpr.training.templates import template_of  # a query needs nothing of training
+        """The model with templates of its references as weights."""
+        from lava_vpr.training.templates import template_of  # a slow import, which answers do not need
 
         return template_of(self.model, self.pool)
 
@@ -187,7 +189,7 @@ class Rivals:
         return self.shown.rates[: len(self.queries)]
 
     def scored(self, tau: float | None = None) -> Iterator[Scored]:
-        """The scores of each baseline, one by one; with ``tau`` adapted to so many queries before."""
+        """The scores of each baseline in turn; with ``tau``, adapted to earlier queries with that time constant."""
         for name in self.names:
             if name == "template":
                 decoder, counts = self.template.config.decoder.default, self._of_template(tau)
@@ -210,7 +212,7 @@ class Rivals:
         return summed(counts, self.asking.views)
 
     def seen(self, name: str) -> tuple[NDArray[Any], NDArray[Any]]:
-        """What a baseline but ``template`` sees of the queries and of the references, an item each."""
+        """The items that a baseline other than ``template`` compares: the queries', and the references'."""
         if name in _COMPARED:
             return compared(self.model, self.queries, name)
         pair = self._rates, query_rates(self.model.activity, self.model.config)
@@ -220,7 +222,7 @@ class Rivals:
     def _similar(
         self, name: str, references: NDArray[Any], seen: NDArray[Any], rows: slice = slice(None)
     ) -> NDArray[np.float64]:
-        """The scores (n, places) of ``rows`` of ``seen``, items of what the baseline ``name`` compares."""
+        """The scores, float64 (n, places), of ``rows`` of ``seen``, the queries' items of the baseline ``name``."""
         if name == "sad":
             return -baselines.sad_distances(references, seen[rows], self.model.labels)
         return baselines.cosine_similarities(references, seen[rows], self.model.labels)

@@ -1,4 +1,4 @@
-"""The same model and queries on every backend that can run here, spikes compared one by one."""
+"""A model and queries run on every backend that can run here, and compared spike by spike."""
 
 from __future__ import annotations
 
@@ -32,24 +32,24 @@ from lava_vpr.matching.evaluation import evaluate
 from lava_vpr.model import Model, as_integer, decode
 
 Begin = Callable[[str], Advance | None]
-"""Called with the name of a run as it starts; returns what is called as its presentations are done, or None."""
+"""Called with the name of a run when it starts; returns a callback for its progress, or None."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What one backend made of the queries.
+    """The result of one backend.
 
     Attributes:
         name: Name of the backend.
         reason: Why it cannot run here; None if it did.
         equal: Whether every spike equals the host's; None for a float backend.
         queries: Number of queries that were compared.
-        compared: Spikes of the host that were compared (and every step without one), by population; those that the
-            backend has.
-        differing: (step, neuron) pairs in which spikes differ.
-        mismatch: The first spike that differs.
+        compared: Number of the host's spikes that were compared, for each population that the backend has; steps
+            without a spike are compared, too.
+        differing: Number of (query, step, neuron) at which spikes differ.
+        mismatch: The first difference; None: all spikes are equal.
         recall: R@1 of the default decoder on these queries.
-        gained: Products of activity and gain that were compared.
+        gained: Number of products of activity and gain that were compared.
     """
 
     name: str
@@ -64,17 +64,17 @@ class Verdict:
 
     @property
     def spikes(self) -> int:
-        """All spikes of the host that were compared, those of inputs included."""
+        """Number of the host's spikes that were compared, inputs included."""
         return sum(self.compared.values())
 
     @property
     def decided(self) -> int:
-        """Those of them that the network decided: of exc and inh."""
+        """Number of compared spikes that the network decided: of exc and inh."""
         return sum(self.compared.get(population, 0) for population in Trains.DECIDED)
 
     @property
     def before(self) -> int:
-        """Those of a spiking front end, of all its populations."""
+        """Number of compared spikes of a spiking front end, all populations together."""
         return sum(spikes for population, spikes in self.compared.items() if population not in Trains.POPULATIONS)
 
     @property
@@ -83,7 +83,7 @@ class Verdict:
         return self.name in BACKENDS and BACKENDS[self.name].hosts_kernel
 
     def as_json(self) -> dict[str, Any]:
-        """The layout that scripts rely on."""
+        """The verdict in the layout of ``verify --json``, on which scripts rely."""
         if self.reason is not None:
             return {"available": False, "reason": self.reason}
         values: dict[str, Any] = {"available": True, "equal": self.equal, "queries": self.queries}
@@ -108,7 +108,7 @@ def recall_at_1(model: Model, counts: NDArray[np.int32], truth: NDArray[np.bool_
 
 @dataclass(frozen=True)
 class HostRun:
-    """The queries and what the host made of them, with which every other backend is compared.
+    """The queries and the host's results, with which every other backend is compared.
 
     Attributes:
         model: The model.
@@ -116,9 +116,9 @@ class HostRun:
         images: The name of each presentation's image.
         truth: bool (n, places): which places each query shows.
         trains: The host's spikes; None for a network in floating point.
-        front_end: What a spiking front end is shown; None without one.
-        gained: What gains multiply; None where inputs have no gains.
-        verdict: The host's own row.
+        front_end: The queries for a spiking front end; None without one.
+        gained: The activity that gains multiply; None if inputs have no gains.
+        verdict: The verdict on the host itself.
     """
 
     model: Model
@@ -143,7 +143,7 @@ class HostRun:
         """Run queries, in each of their ``views``, on the host; for the arguments see `verify`.
 
         Raises:
-            InputError: a query without any spike of an excitatory neuron: its comparison would be empty.
+            InputError: no excitatory neuron spikes for a query, so its comparison would be empty.
         """
 
         def presented(views: Sequence[EncodedTraverse]) -> Presentations:
@@ -183,20 +183,20 @@ def verify(
     threads: int = 1,
     begin: Begin | None = None,
 ) -> list[Verdict]:
-    """Run ``queries`` on the host and on every other backend in ``names``; None: on every backend there is.
+    """Run queries on the host and on other backends, and compare these with the host.
 
     Args:
         model: A trained model.
         queries: Encoded with the model's settings.
         truth: bool (n, places), for the recall of float backends.
-        names: Backends; the host always comes first.
+        names: Names of backends, in the order of the verdicts; None: all. The host runs in any case.
         asking: How they are asked, checked (`Asking.check`).
         further: The queries in the further views in which they are presented (`Asking.of`).
         seed: The seed of the queries' noise; None: the model's.
         threads: Threads of the host engine.
-        begin: Called before each run of a backend; None: nobody follows.
+        begin: Called before each run of a backend; None: progress is not reported.
     Raises:
-        InputError: a query without any spike of an excitatory neuron: its comparison would be empty.
+        InputError: no excitatory neuron spikes for a query, so its comparison would be empty.
     """
     host = HostRun.of(model, asking, seed, (queries, *further), truth, HostBackend(Pool(threads)))
     verdicts = []
@@ -210,10 +210,10 @@ def verify(
 
 
 def _verdict(name: str, host: HostRun, begin: Begin) -> Verdict:
-    """What the backend ``name`` makes of the queries.
+    """The verdict on the backend ``name``.
 
     Raises:
-        LavaVprError: it cannot run here, or not this model.
+        LavaVprError: the backend cannot run here, or cannot run this model.
     """
     backends.require(name, host.model)
     row, shown, earlier = BACKENDS[name], host.shown, SpikesCompared({})
@@ -223,7 +223,7 @@ def _verdict(name: str, host: HostRun, begin: Begin) -> Verdict:
         advance = begin(f"the front end on {name}")
         if row.exact:
             earlier = compare_front_ends(row.front_end, host.front_end, advance)
-        elif host.gained is None:  # a gain table is of images that have the host's activity
+        elif host.gained is None:  # gains belong to the activity that the host computes
             shown = of_own_cells(row.front_end, host.front_end, advance)
     advance = begin(f"gains on {name}") if host.gained is not None and row.gains is not None else None
     shown, products, weighed = compare_gains(row.gains, host.gained, shown, advance)
@@ -247,10 +247,10 @@ def _verdict(name: str, host: HostRun, begin: Begin) -> Verdict:
 
 
 def _in_one_run(row: BackendRow, host: HostRun, shown: FrontEndQueries, advance: Advance | None) -> Verdict:
-    """What a backend makes of queries in one run from pixels to places.
+    """The verdict on a backend that runs queries from pixels to places in one run.
 
     Raises:
-        ConfigError: it runs no front end.
+        ConfigError: the backend runs no front end.
     """
     if row.front_end is None:
         raise ConfigError(f"{row.name} runs no front end, whose cells the neurons hear; train with --input frontend")
