@@ -1,8 +1,8 @@
-"""Signs that an image is doubtful, one image after the other: images that repeat while the robot moves, that are
-unlike all that the map has seen, or turned, and times that cannot be.
+"""Signs of doubtful images, looked for image by image: images that repeat while the robot moves, that differ from
+everything on the map, or that are turned, and impossible times.
 
-Nothing here looks at the places that images match: an image of a camera that is stuck, turned or half covered
-may match one with full confidence.
+Matched places play no part: an image of a camera that is stuck, turned or half covered may match a place with full
+confidence.
 """
 
 from __future__ import annotations
@@ -17,33 +17,34 @@ from numpy.typing import NDArray
 from lava_vpr.inputs.likeness import DEFICIT, EDGE, Likeness
 
 RUN = 20
-"""Images in a row that agree on a cause before it is named."""
+"""Number of images in a row with the same cause before it is named."""
 DRIVEN_M, APART_M = 1.0, 10.0
-"""Metres that the robot moves while the image stays the same, beyond which none is accepted: by its odometer; and by
-positions, which err by more."""
+"""Metres of the robot's motion, while the image stays the same, beyond which the image is doubtful: by an odometer, and
+by positions, whose errors are larger."""
 SURE, BETTER, TENTH, LOOK, STANDING = 0.7, 0.02, 0.1, 4, 0.9
-"""Images are turned if two things add up to the first number: the share of the references' own asymmetry by which the
-mean of them speaks against a run, and by how much the best cosine of every fourth image is larger once it is turned
-back, in tenths. The latter is at least the second number, and the former speaks for no run. One that has a larger
-cosine with the last counted than the last number shows the same. Of eight pairs of the first two, this was taken with
-the places in sight on which docs/robot.md measures it."""
+"""Thresholds of turned images. Two numbers of a run of images are compared with them: m, by how much better the mean
+of the references fits the images as they are than turned back, as a share of the references' own asymmetry; and b, by
+how much turning every `LOOK`-th image back raises its best cosine with a reference, on average. The run is turned if m
+is at most 0, b at least `BETTER`, and ``b / TENTH - m`` at least `SURE`. An image counts only if its cosine with the
+last one that counted is below `STANDING`, since others show the same. `SURE` and `BETTER` were chosen among eight
+pairs, looking at the places on which docs/robot.md measures them."""
 STUCK, BORDER, BLANK, MIRRORED, UPSIDE_DOWN = "stuck camera", "border", "blank", "mirrored", "upside down"
 _TURNED = (MIRRORED, UPSIDE_DOWN, UPSIDE_DOWN)
 BACKWARDS, NO_NUMBER, GAP = "backwards", "not a number", "gap"
 _GAP, _KNOWN, _USUAL = 10.0, 5, 0.1
-"""A gap is so many usual intervals long, once so many are known; and how fast the usual one follows."""
+"""A gap is longer than `_GAP` usual intervals, once `_KNOWN` are known; a new interval has the weight `_USUAL`."""
 
 
 class Clock:
-    """Looks at the times of images, in order."""
+    """Checks the times of images, in order."""
 
     def __init__(self) -> None:
         self._last, self._usual, self._known = -math.inf, 0.0, 0
 
     def fault(self, stamp: float | None) -> str | None:
-        """What is wrong with the time of the next image in seconds, `BACKWARDS`, `NO_NUMBER` or `GAP`; None: nothing.
+        """The fault of the next image's time, in seconds: `BACKWARDS`, `NO_NUMBER` or `GAP`; None: no fault.
 
-        One that is earlier than an image before it counts for nothing.
+        The clock ignores a time that is earlier than one before it.
         """
         if stamp is None:
             return None
@@ -65,11 +66,11 @@ class Sign(NamedTuple):
     """Signs that an image is doubtful.
 
     Attributes:
-        repeats: How many images in a row before it were identical to it.
-        cause: What `RUN` images agree on; None: nothing.
-        doubtful: It cannot be accepted.
-        time_fault: See `Clock`.
-        unlike: How far it is from what the map has seen, 1 and more: farther than another season; NaN: not known.
+        repeats: Number of images in a row before it that are identical to it.
+        cause: Cause that the last `RUN` images have in common; None: there is none.
+        doubtful: Whether it cannot be accepted.
+        time_fault: Fault of its time; see `Clock.fault`.
+        unlike: Distance from the references; from 1 on it is farther than another season. NaN: unknown.
     """
 
     repeats: int = 0
@@ -82,14 +83,16 @@ class Sign(NamedTuple):
 class Doubts:
     """Signs of doubt of the images of one traverse, in order.
 
-    Images count as identical if the responses of all inputs are equal, bit for bit: equal images do, and two
-    that a camera took never, since each has noise of its own. Images without any response say nothing of the camera.
+    Images count as identical if the responses of all inputs are bit-equal: so are those of equal files, and never those
+    of two images from a camera, since each has its own noise. Images without any response are no evidence of a stuck
+    camera.
 
     Attributes:
-        likeness: What the references have in common; None: images are not compared with that. It changes with the map.
+        likeness: Common features of the references, to be set again when the map changes; None: images are not compared
+            with the references.
 
     Args:
-        framed: Bars at the edges of images are left out (``--crop``): edges without responses are no fault.
+        framed: Whether bars at the edges of images are left out (``--crop``): edges without responses are then fine.
     """
 
     def __init__(self, likeness: Likeness | None = None, *, framed: bool = False) -> None:
@@ -113,7 +116,7 @@ class Doubts:
         """Signs of doubt of the next image.
 
         Args:
-            activity: Responses of its inputs, float32 (inputs,).
+            activity: Responses of the inputs to it, float32 (inputs,).
             stamp: When it was taken, in seconds; None: unknown.
             odometry: Metres driven since the image before, either sign; None: unknown.
             point: Where it was taken, in metres (`lava_vpr.positions.frames.Positions.points`); None: unknown.
@@ -129,7 +132,7 @@ class Doubts:
         return Sign(self._repeats, cause, stuck or unlike >= 1 or cause is not None, fault, unlike)
 
     def _stuck(self, activity: NDArray[np.float32], odometry: float | None, point: NDArray[np.float64] | None) -> bool:
-        """Count whether the next image is the last one; whether the robot moved while it was."""
+        """Count an image that repeats the last one; return whether the robot has moved during the repeats."""
         if self._last is None or not np.array_equal(activity, self._last):
             self._last, self._from, self._repeats, self._metres = activity.copy(), point, 0, 0.0
             return False
@@ -139,20 +142,26 @@ class Doubts:
         return bool(activity.any()) and (self._metres > DRIVEN_M or apart > APART_M)
 
     def _compared(self, likeness: Likeness, activity: NDArray[np.float32]) -> tuple[float, float]:
-        """How unlike the next image is, and what its edges lack; a run of turned images is noticed."""
+        """Distance of the next image from the references, and what its edges lack; updates the run of turned images."""
         unit = activity / np.float32(max(math.sqrt(activity @ activity), 1e-6))
         fits = np.einsum("ij,j->i", likeness.mean, unit).astype(np.float64)
         edges = likeness.edges(activity)
         if self._framed and edges < 1:
             fits[0], edges = fits[0] / max(likeness.seen(activity), 1e-6), 0.0
-        if self._counted is None or float(unit @ self._counted) < STANDING:  # at rest one image is no run
+        if self._counted is None or float(unit @ self._counted) < STANDING:  # at rest, repeats of one image make no run
             self._counted = unit
             self._turn(likeness, unit, fits[1:])
         deficit = (likeness.typical - fits[0]) / likeness.spread / DEFICIT
         return round(max(0.0, float(deficit), edges / EDGE), 4), edges  # sums differ by machine in their last bits
 
     def _turn(self, likeness: Likeness, unit: NDArray[np.float32], fits: NDArray[np.float64]) -> None:
-        """Hold a run of images against the map as they are, and turned; ``fits``: what the mean says of the last."""
+        """Compare a run of images with the map, as they are and turned back.
+
+        Args:
+            likeness: Common features of the references.
+            unit: The last image's responses, of length 1, float32 (inputs,).
+            fits: How much better their mean fits it as it is than turned back, float64 (turns,).
+        """
         self._fits.append(fits)
         means = np.mean(self._fits, axis=0) / likeness.asymmetry
         way = int(means.argmin())
@@ -174,7 +183,7 @@ def signs_of(
     """Signs of doubt of each of the next n images.
 
     Args:
-        doubts: Of the images before, and afterwards of these.
+        doubts: State after the images before; it is updated.
         activity: float32 (n, inputs).
         stamps: When they were taken, in seconds, float64 (n,); None: unknown.
         points: Where they were taken, in metres, float64 (n, 2 or 3); None: unknown.

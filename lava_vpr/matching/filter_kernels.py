@@ -1,7 +1,8 @@
-"""The compiled kernels of `lava_vpr.matching.forward_filter`: tracks moved by one query, and looked at from the next.
+"""The compiled kernels of `lava_vpr.matching.forward_filter` and `lava_vpr.matching.smoothing`: one step of all tracks
+forward, and one back.
 
-Tracks are float64 (speeds, positions). A track keeps its speed with `STAYING`, goes to the next slower or faster one
-with `NEXT` each, and else to any, as often as the prior says.
+Tracks are float64 (speeds, positions). From one query to the next, a track keeps its speed with probability `STAYING`,
+changes to the next lower and to the next higher one with `NEXT` each, and else to any speed by its prior probability.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from lava_vpr.kernelcache import compiled
 
 STAYING, NEXT = 0.9, 0.04
-"""Share of a track that keeps its speed from one query to the next, and that goes to each of the two next to it."""
+"""Share of a track that keeps its speed from one query to the next, and that changes to each neighbouring speed."""
 
 
 @compiled()
@@ -24,15 +25,15 @@ def move(
     prior: NDArray[np.float64],
     following: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Tracks before the next query, and their sums over speeds; what goes over an end is gone.
+    """Tracks before the next query, and their sums over speeds; what moves past an end of the route is dropped.
 
     Args:
-        tracks: Before, float64 (speeds, positions).
+        tracks: Tracks after the last query, float64 (speeds, positions).
         positions: Their sums over speeds, float64 (positions,).
-        entering: What begins at each place, float64 (places,).
+        entering: Probability of tracks that begin at each place, float64 (places,).
         shifts: Positions by which each speed moves, int64 (speeds,).
-        prior: How often each speed is, float64 (speeds,).
-        following: Share of a track that goes on being followed.
+        prior: Prior probability of each speed, float64 (speeds,).
+        following: Share of a track that does not end.
     """
     speeds, length = tracks.shape
     fractions = length // len(entering)
@@ -62,13 +63,14 @@ def look_back(
     following: float,
     fractions: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What later queries say of tracks one `move` before, float64 (speeds, positions), and of what enters (places,).
+    """Likelihood of later queries for tracks before one `move`, float64 (speeds, positions), and for tracks that begin
+    at each place, float64 (places,).
 
     Args:
-        later: What they say of tracks after it, float64 (speeds, positions).
-        alone: What they say of who is not followed after it.
+        later: Their likelihood for tracks after it, float64 (speeds, positions).
+        alone: Their likelihood for a robot that is not followed after it.
         shifts, prior, following: As in `move`.
-        fractions: Positions a place.
+        fractions: Positions per place.
     """
     speeds, length = later.shape
     reached = np.full((speeds, length), alone)

@@ -1,19 +1,21 @@
-"""A forward filter over places and speeds: the queries before say where this one may be, either way, at many speeds.
+"""A forward filter over places and speeds: earlier queries predict the place of the next, for many speeds both ways.
 
-The state is a probability for each **track**, a position (a quarter of a place) with a speed (up to eight places a
-query, either way), and the rest: that the robot is **not followed**. Who is not followed is where the query by itself
-says, with its calibrated probability, or off the map. So the first query is answered as a single one, and so is a
-robot that is faster than any track, is carried, or drives in no order.
+The state is a probability for each **track**, a position (in quarters of a place) with a speed (at most eight places a
+query, forward or backward), and the remaining probability that the robot is **not followed**. A robot that is not
+followed is where the query by itself places it, with its calibrated probability, or off the map. The first query is
+therefore answered as a single one, and so are queries of a robot that is faster than any track, is carried, or drives
+in no order.
 
-Before a query all tracks move by their speeds, by as many metres as an odometer says, or by more where more time passed
-between two stamps than usual; few change their speed, a few end, and each place where a robot that is not followed may
-be begins some. Then the query speaks: a position r becomes ``FLAT + p s_r^2 / sum s^2`` times as likely as not being
-followed, of scores s, p being `PEAK` (of maps below 100 places less: `SHARE` of their number). A stretch on which
-queries tell nothing must neither end the tracks nor let its errors add up to certainty: tracks may be **hidden**, and
-queries speak faintly to those (`FAINT`). Which share of the tracks is hidden, the queries say themselves; an answer's
-probability has nothing of it. A robot that stands still shows the same image again, which is no news: its state stays.
+Before a query all tracks move by their speeds, further if more time than usual passed between two stamps, or by the
+metres that an odometer gives. A small share of them changes its speed, and a small share ends; new tracks begin where a
+robot that is not followed may be. The query then updates the state: for scores s, the probability of position r, as
+compared with that of not being followed, is multiplied by ``FLAT + p s_r^2 / sum s^2``. Here p is the lower of `PEAK`
+and `SHARE` times the number of places. Over a stretch where queries are uninformative, tracks must persist, and their
+errors must not add up to certainty. Tracks may therefore be **hidden**, and queries have little influence on hidden
+ones (`FAINT`). The filter estimates the hidden share of the tracks from the queries; the probability of an answer
+leaves it out. If a robot stands still, its image repeats without new information, and the state stays the same.
 
-The filter is causal; `lava_vpr.matching.smoothing` looks at later queries, too.
+The filter is causal; `lava_vpr.matching.smoothing` uses later queries, too.
 
 All numbers below were chosen on Nordland 0:200 (three maps; drives at 0.5 to 8 times the speed, with stops, backwards,
 in random order, kidnapped, off the map, blurred for 50 places); ``python -m benchmarks robot.day`` prints what they
@@ -35,34 +37,37 @@ from lava_vpr.matching.probability import HALF, Calibration
 
 FLAT, PEAK, SHARE = 0.2, 30.0, 0.3
 FAINT, MOST, UNSEEN = 0.05, 10.0, 2.0
-"""How much of a hidden track's evidence hangs on its place, and up to how many times the mean score it rises."""
+"""Evidence of a query for hidden tracks: the share of it that depends on the place; the limit of a place's squared
+score in it, as a multiple of the mean; and a factor on all of it, beside the probability that the best place of the
+query by itself is wrong."""
 ENDING, BEGINNING = 0.01, 0.1
-"""Share of the tracks that end before a query, and of the places where a robot is not followed that begin one."""
+"""Share of the tracks that ends before a query; share of `ForwardFilter.alone`, at each place, that becomes tracks."""
 HIDING, REVEALING = 0.003, 0.1
-"""Share of the tracks that are hidden by the next query, and of the hidden ones that are so no more."""
+"""Share of the visible tracks that the next query finds hidden, and of the hidden ones that it finds visible."""
 ELSEWHERE = 0.5
-"""Share of what the best place of a query by itself leaves that is at the other places, by their scores, at most."""
+"""Of a query by itself: the largest share of the probability beside its best place that goes to the other places, by
+their scores; the rest is off the map."""
 POSITIONS = 4
-"""Positions a place."""
+"""Positions per place."""
 FASTEST = 8
-"""Places a query that a track moves at most."""
+"""Largest speed of a track, in places a query."""
 
 MOTIONS = ("any", "forward")
 """How a robot may move along the route: in both directions, or only forward."""
 NONE = "none"
-"""No motion is assumed: each query is answered alone."""
+"""No motion model: each query is answered by itself."""
 _SPREAD = 0.1
-"""An odometer is trusted to this share of what it says, and to one place."""
+"""Assumed error of an odometer: this share of its distance, and one place."""
 _LONGEST, _USUAL = 8.0, 0.1
-"""Times of the usual interval between two stamps that tracks move at most, and how fast the usual one follows."""
+"""Limit of the time between two stamps, in usual intervals; weight of a new interval in the usual one."""
 
 
 class Speeds(NamedTuple):
     """The speeds of tracks.
 
     Attributes:
-        shifts: Positions a query, int64 (speeds,), rising, none of them 0.
-        prior: How often each is, float64 (speeds,); all together 1.
+        shifts: Positions per query, int64 (speeds,), ascending, none of them 0.
+        prior: Prior probability of each, float64 (speeds,); their sum is 1.
     """
 
     shifts: NDArray[np.int64]
@@ -71,7 +76,7 @@ class Speeds(NamedTuple):
 
 @functools.cache
 def speeds_of(motion: str) -> Speeds:
-    """Those of one of `MOTIONS`: every quarter of a place up to 2, every half up to 4, every place up to `FASTEST`."""
+    """The speeds of a motion: every quarter of a place up to 2, every half up to 4, every place up to `FASTEST`."""
     unit = POSITIONS
     ahead = [*range(1, 2 * unit), *range(2 * unit, 4 * unit, unit // 2), *range(4 * unit, FASTEST * unit + 1, unit)]
     shifts = np.array([-shift for shift in reversed(ahead)] + ahead if motion == "any" else ahead)
@@ -83,7 +88,7 @@ def check_motion(motion: str) -> None:
     """Refuse a motion that is neither `NONE` nor one of `MOTIONS`.
 
     Raises:
-        ConfigError: naming those that there are.
+        ConfigError: the motion is unknown; the message lists the known ones.
     """
     if motion != NONE and motion not in MOTIONS:
         raise ConfigError(f"there is no motion {motion!r}; choose from {', '.join((*MOTIONS, NONE))}")
@@ -91,22 +96,24 @@ def check_motion(motion: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class ForwardFilter:
-    """The state after some queries; state goes in and out: ``state = state.update(scores)``.
+    """The state after some queries; ``state = state.update(scores)`` makes the next one.
 
     Attributes:
         tracks: Probability of each track, float64 (speeds, positions).
-        positions: Their sums over speeds, float64 (positions,).
-        lost: Probability of not being followed; with the tracks 1.
-        alone: The part of ``lost`` that is at each place, float64 (places,); the rest is off the map.
-        evidence: How many times as likely as not being followed each place made the last query, float64 (places,).
+        positions: Sums of the tracks over speeds, float64 (positions,).
+        lost: Probability of not being followed; the sum with all tracks is 1.
+        alone: Part of ``lost`` at each place, float64 (places,); the rest is off the map.
+        evidence: Likelihood of the last query at each place, as a multiple of its likelihood if the robot is not
+            followed, float64 (places,).
         hidden: Share of the tracks that is hidden.
         motion: One of `MOTIONS`.
-        calibration: Of the decoder whose scores are given; None: of a query by itself nothing is known but its scores.
+        calibration: Calibration of the decoder that gives the scores; None: probabilities of single queries are
+            estimated from their scores.
         along: Metres along the route of each place, float64 (places,), rising, for odometry; None: unknown.
-        off_map: Share of the queries that is taken to be off the map.
-        begun: Whether a query was seen: before the first, nothing moves.
+        off_map: Assumed share of queries off the map.
+        begun: Whether a query was seen; before the first one, tracks do not move.
         stamp: When the last query was taken, in seconds; None: unknown.
-        interval: Seconds that usually pass between two; None: unknown.
+        interval: Usual time between two queries, in seconds; None: unknown.
     """
 
     tracks: NDArray[np.float64] = field(repr=False)
@@ -132,7 +139,11 @@ class ForwardFilter:
         along: NDArray[np.float64] | None = None,
         off_map: float = HALF,
     ) -> ForwardFilter:
-        """The state before the first query, of ``n_places``: not followed, anywhere."""
+        """The state before the first query on a map of ``n_places``: not followed, all places equally probable.
+
+        Raises:
+            ConfigError: the motion is unknown.
+        """
         if motion not in MOTIONS:
             raise ConfigError(f"there is no motion {motion!r}; choose from {', '.join(MOTIONS)}")
         length = n_places * POSITIONS
@@ -148,16 +159,17 @@ class ForwardFilter:
         stamp: float | None = None,
         chance: float | None = None,
     ) -> ForwardFilter:
-        """Take the scores of the next query.
+        """The state after the next query.
 
         Args:
-            scores: Scores of the places, at least 0, (places,); all 0 say nothing.
-            moving: Whether it shows something else than the last one; if not, it is no news: an odometer alone moves.
+            scores: Scores of the places, at least 0, (places,); all 0: the query is uninformative.
+            moving: Whether its image differs from the last one; if not, only an odometer changes the state.
             odometry: Metres since the last query, either sign; None: unknown.
             stamp: When it was taken, in seconds; None: unknown.
-            chance: What `chances` says of it, where that is known already.
+            chance: Its value of `chances`, if that is known already.
         Raises:
-            InputError: the scores are not those of as many places; odometry without positions, or no finite number.
+            InputError: the number of scores is not that of the places; or odometry is not finite, or the places have no
+                positions.
         """
         if scores.shape != self.alone.shape:
             raise InputError(f"scores of shape {scores.shape} for {len(self.alone)} places; use one model throughout")
@@ -171,16 +183,16 @@ class ForwardFilter:
         return before._seen(scores, sure)
 
     def chances(self, scores: Scores) -> NDArray[np.float64]:
-        """How likely the best place of each query is by itself, float64 (n,), of scores (n, places)."""
+        """Probability of the best place of each query by itself, float64 (n,), for scores (n, places)."""
         if self.calibration is not None:
             return self.calibration.probabilities(scores, self.off_map)
         likely = evidence(scores)
         return likely.max(axis=1) / (scores.shape[1] + likely.sum(axis=1))
 
     def timed(self, stamp: float | None) -> tuple[float, ForwardFilter]:
-        """Intervals since the last query, 1 where they are not known; and this state with its stamp."""
+        """Time since the last query in usual intervals, 1 if unknown; and this state with the new stamp."""
         passed = float("nan") if stamp is None or self.stamp is None else stamp - self.stamp
-        if not 0.0 < passed < float("inf"):  # one that goes back or is no number says nothing, nor does the next
+        if not 0.0 < passed < float("inf"):  # no interval before or after a stamp that goes back or is not finite
             first = stamp if self.stamp is None and stamp is not None and np.isfinite(stamp) else None
             return 1.0, self if first is self.stamp else replace(self, stamp=first)
         usual = passed if self.interval is None else self.interval
@@ -188,10 +200,10 @@ class ForwardFilter:
         return min(passed / usual, _LONGEST), replace(self, stamp=stamp, interval=follows)
 
     def check_odometry(self, metres: float) -> NDArray[np.float64]:
-        """Metres along the route of each place, where ``metres`` can be used with them.
+        """Metres along the route of each place, float64 (places,), for an odometry of ``metres``.
 
         Raises:
-            InputError: they cannot: the places have no positions, or that is no finite number.
+            InputError: the places have no positions, or ``metres`` is not finite.
         """
         if self.along is None:
             raise InputError("odometry needs a map with positions; train it with --positions, or leave odometry out")
@@ -200,7 +212,7 @@ class ForwardFilter:
         return self.along
 
     def moved(self, odometry: float | None = None, pace: float = 1.0) -> ForwardFilter:
-        """The state before the next query is seen, ``pace`` intervals after the last."""
+        """The state before the next query is seen, ``pace`` usual intervals or ``odometry`` metres after the last."""
         from lava_vpr.matching.filter_kernels import move
 
         shifts, prior = speeds_of(self.motion)
@@ -211,7 +223,7 @@ class ForwardFilter:
             tracks = self._driven(tracks, odometry)
             positions = tracks.sum(axis=0)
         old = (1.0 - ENDING) * float(self.positions.sum())
-        known = old / (old + float(entering.sum())) if old > 0.0 else 0.0  # what begins is not hidden
+        known = old / (old + float(entering.sum())) if old > 0.0 else 0.0  # new tracks are visible
         hidden = known * (self.hidden * (1.0 - REVEALING) + (1.0 - self.hidden) * HIDING)
         lost = 1.0 - float(positions.sum())
         return replace(
@@ -219,7 +231,7 @@ class ForwardFilter:
         )
 
     def _driven(self, tracks: NDArray[np.float64], metres: float) -> NDArray[np.float64]:
-        """Where ``metres`` along the route take ``tracks``, either way; their speed is what was driven, then."""
+        """``tracks`` moved by ``metres`` along the route, each in its direction; their speed becomes the one driven."""
         along, shifts = self.check_odometry(metres), speeds_of(self.motion).shifts
         last, driven = (len(along) - 1) * POSITIONS, np.zeros_like(tracks)
         where = np.interp(np.arange(last + 1) / POSITIONS, np.arange(len(along)), along)
@@ -243,7 +255,7 @@ class ForwardFilter:
         return blurred
 
     def _seen(self, scores: NDArray[Any], chance: float) -> ForwardFilter:
-        """The state once a query with these scores, and this probability of its best place by itself, is seen."""
+        """The state after a query with these scores, and with this probability of its best place by itself."""
         if not scores.any():
             return replace(self, begun=True, evidence=np.ones(len(scores)))
         share = _shares(scores)
@@ -266,10 +278,10 @@ class ForwardFilter:
         )
 
     def remapped(self, source: NDArray[np.int64], along: NDArray[np.float64] | None) -> ForwardFilter:
-        """The state for a changed map; what was at a place that is gone is not followed, and off the map.
+        """The state for a changed map; the probability of removed places goes to not being followed, off the map.
 
         Args:
-            source: Which place each of the map's was, int64 (places,); -1: none.
+            source: Former index of each place of the map, int64 (places,); -1: a new place.
             along: Metres along the route of each place; None: unknown.
         """
         new = source < 0
@@ -282,19 +294,19 @@ class ForwardFilter:
 
 
 def steps_of(shifts: NDArray[np.int64], pace: float) -> NDArray[np.int64]:
-    """Positions that each speed moves in ``pace`` intervals."""
+    """Positions by which tracks of each speed move in ``pace`` usual intervals, int64 (speeds,)."""
     return np.rint(shifts * pace).astype(np.int64)
 
 
 def _shares(scores: Scores) -> NDArray[np.float64]:
-    """Each place's share of the squared scores (..., places); 0 where all are 0."""
+    """Each place's share of the sum of squared scores, float64 (..., places); 0 where all scores are 0."""
     squares = np.square(np.asarray(scores, np.float64))
     total = squares.sum(axis=-1, keepdims=True)
     return np.divide(squares, total, out=np.zeros_like(squares), where=total > 0)
 
 
 def evidence(scores: Scores) -> NDArray[np.float64]:
-    """How many times as likely as who is not followed a track at each place makes the scores (..., places)."""
+    """Likelihood of scores (..., places) for a track at each place, as a multiple of that for a robot not followed."""
     return FLAT + min(PEAK, SHARE * scores.shape[-1]) * _shares(scores)
 
 
@@ -302,19 +314,19 @@ def _by_itself(share: NDArray[np.float64], chance: float) -> NDArray[np.float64]
     """The probability of each place by a query alone, float64 (places,); the rest is off the map.
 
     Args:
-        share: Of the squared scores, float64 (places,).
-        chance: That its best place is the right one.
+        share: Each place's share of the squared scores, float64 (places,).
+        chance: Probability that the query's best place is right.
     """
     most = float(share.max())
     others = 1.0 - most
     part = ELSEWHERE * (1.0 - chance) / others if others > 1e-9 else 0.0
-    single = share * min(part, chance / most)  # none is above the best
+    single = share * min(part, chance / most)  # no place is likelier than the best one
     single[int(share.argmax())] = chance
     return single
 
 
 def at_positions(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values of places, float64 (places,), at all positions (positions,): straight lines from place to place."""
+    """Values of places, float64 (places,), interpolated linearly at all positions, float64 (positions,)."""
     part = np.arange(POSITIONS) / POSITIONS
     following = np.append(places[1:], places[-1])
     return (places[:, None] * (1.0 - part) + following[:, None] * part).ravel()
