@@ -14,7 +14,7 @@ from lava_vpr.studies.show.page import Kind, header_of, lines
 
 TITLE = "The paper's table"
 KINDS: tuple[Kind, ...] = (("released", "R@100P released", "c0", "o"), ("printed", "printed", "c1", "D"))
-"""What is drawn of each method: a dot for each section, a mark at their mean; what the paper prints."""
+"""What is drawn for each method: a dot for each section and a mark at their mean; the figure that the paper prints."""
 
 
 def page(wanted: PaperRequest, parts: Sequence[DatasetRows], command: str) -> str:
@@ -30,7 +30,7 @@ def page(wanted: PaperRequest, parts: Sequence[DatasetRows], command: str) -> st
 
 
 def _drawing(part: DatasetRows) -> str:
-    """The sections of each method, and what the paper prints, as SVG."""
+    """The figures of each method by section, and the printed ones, as SVG."""
     rows = [row for row in part.rows if row.figures or row.printed is not None]
     printed = [None if row.printed is None else Spread.of({0: row.printed}) for row in rows]
     figures = [(row.figures.get("released"), said) for row, said in zip(rows, printed, strict=True)]

@@ -1,5 +1,7 @@
-"""The paper's table: plain text cells of terminal, Markdown and page, the whole as Markdown, JSON and CSV; equal
-results give equal bytes, and none holds a path or a time."""
+"""The paper's table: text cells for terminal, Markdown and page, and the whole as Markdown, JSON and CSV.
+
+Equal results give equal bytes, without paths or times.
+"""
 
 from __future__ import annotations
 
@@ -14,14 +16,14 @@ from lava_vpr.show.table import Table
 from lava_vpr.studies.show.values import shared
 
 RULES = (
-    "R@100P released: as the paper's code counts it, by 99 thresholds on the scores, a rejected query missing at its "
-    "threshold alone; exact: every query counts, by each method's own confidence."
+    "R@100P released is counted as by the paper's code: with 99 thresholds on the scores, and a rejected query counts "
+    "as missing only at its threshold. R@100P exact counts every query, by each method's own confidence."
 )
 COLUMNS = ("method", "printed", "R@100P released", "lowest to highest", "R@100P exact", "R@1", "AUC", "sections")
 
 
 def conditions(part: DatasetRows) -> str:
-    """What is learned and recognised here, and by the paper, in sentences."""
+    """Sentences on what is learned and recognised here, and in the paper."""
     source, row = part.source, part.dataset
     if source is None:
         return f"The paper: {row.task}. Here: absent."
@@ -37,7 +39,7 @@ def conditions(part: DatasetRows) -> str:
 
 
 def summary(part: DatasetRows) -> Table:
-    """The methods of a dataset: printed, recomputed, and their spread over sections."""
+    """The methods of a dataset: printed figures, computed ones, and their spread over sections."""
     return Table(
         COLUMNS,
         [_summary(row) for row in part.rows],
@@ -77,7 +79,7 @@ def by_section(part: DatasetRows, figure: str, heading: str) -> Table:
 
 
 def absent(parts: Sequence[DatasetRows]) -> Table | None:
-    """The datasets of which there are no images, with what the paper prints; None if all are there."""
+    """The datasets without images, with the figures that the paper prints; None if all datasets have images."""
     without = [part for part in parts if part.source is None]
     if not without:
         return None
@@ -106,17 +108,17 @@ def tables(parts: Sequence[DatasetRows]) -> list[Table]:
 
 def markdown(wanted: PaperRequest, parts: Sequence[DatasetRows], command: str) -> str:
     """The whole page, with the command that repeats it; equal results give equal text."""
-    shown = "as many epochs as each preset says" if wanted.epochs is None else f"{wanted.epochs} epochs"
+    shown = "as many epochs as each preset sets" if wanted.epochs is None else f"{wanted.epochs} epochs"
     lines = [
         "# The paper's table",
         "",
         "<!-- Written by the command below. -->",
         "",
-        f"What Hussaini, Milford and Fischer (RA-L 2022, [doi {DOI}](https://doi.org/{DOI})) print of recall at 100 % "
-        "precision, mean over sections, beside what this package measures: VPRSNN's network as coded (preset `paper`) "
-        "with the paper's four decoders, SAD, vectors of NetVLAD where they are given, and this package's own presets "
-        f"and matchers on the same images. Seed {wanted.seed}, {shown}; ± is the sample standard deviation over "
-        "sections.",
+        f"This page compares the recall at 100 % precision that Hussaini, Milford and Fischer (RA-L 2022, [doi {DOI}]"
+        f"(https://doi.org/{DOI})) print, as a mean over sections, with measurements of this package: of VPRSNN's "
+        "network as coded (preset `paper`) with the paper's four decoders, of SAD, of NetVLAD's vectors if they are "
+        "given, and of this package's own presets and matchers on the same images. "
+        f"The seed is {wanted.seed}; training takes {shown}; ± is the sample standard deviation over sections.",
         "",
         RULES,
         "",
