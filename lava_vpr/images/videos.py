@@ -35,11 +35,8 @@ def _capture(path: Path) -> Iterator[tuple[cv2.VideoCapture, Film]]:
     try:
         with open_regular(path) as file:
             film = _examined(path, file.fileno())
-            with quiet():
-                # FFmpeg reads this once, at the first video; it prints damage on standard error otherwise.
-                os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-                options = f"protocol_whitelist;file|format_whitelist;{film.demuxer}|input_format;{film.demuxer}"
-                os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = options
+            options = f"protocol_whitelist;file|format_whitelist;{film.demuxer}|input_format;{film.demuxer}"
+            with quiet(), _told_to_ffmpeg(options):
                 capture = cv2.VideoCapture(f"/dev/fd/{file.fileno()}", cv2.CAP_FFMPEG)
     except OSError as error:
         raise InputError(f"{shown(path)}: cannot be read ({error.strerror}); check path and permissions") from None
@@ -50,6 +47,23 @@ def _capture(path: Path) -> Iterator[tuple[cv2.VideoCapture, Film]]:
         yield capture, film
     finally:
         capture.release()
+
+
+@contextlib.contextmanager
+def _told_to_ffmpeg(options: str) -> Iterator[None]:
+    """FFmpeg's options while it opens a video; it prints no damage on standard error, unless a variable asks for it.
+
+    Afterwards the environment is as it was: commands try OpenCV in a child where they find variables of it.
+    """
+    level, given = names = ("OPENCV_FFMPEG_LOGLEVEL", "OPENCV_FFMPEG_CAPTURE_OPTIONS")
+    before = {name: os.environ[name] for name in names if name in os.environ}
+    os.environ.update({level: "-8", **before, given: options})
+    try:
+        yield
+    finally:
+        for name in names:
+            del os.environ[name]
+        os.environ.update(before)
 
 
 def _examined(path: Path, handle: int) -> Film:
@@ -157,9 +171,7 @@ def _opened(source: str, name: str) -> cv2.VideoCapture:
             capture = cv2.VideoCapture(int(device[1]), cv2.CAP_V4L2)
             capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # no outdated image
     else:
-        with quiet():
-            os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-            os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = "rtsp_transport;tcp"
+        with quiet(), _told_to_ffmpeg("rtsp_transport;tcp"):
             waits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _WAIT_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _WAIT_MS]
             capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, waits)
     if not capture.isOpened():

@@ -40,6 +40,24 @@ def whole(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return video(tmp_path_factory.mktemp("v") / request.param, 30, 25.0, codec=KINDS[request.param])
 
 
+@pytest.mark.parametrize("given", [{}, {"OPENCV_FFMPEG_LOGLEVEL": "24", "OPENCV_FFMPEG_CAPTURE_OPTIONS": "threads;1"}])
+def test_the_environment_stays_as_it_was(
+    given: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also while a video is read: commands that follow would try OpenCV in a child because of its variables."""
+    for name in [name for name in os.environ if name.startswith("OPENCV_")]:
+        monkeypatch.delenv(name)
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    before = dict(os.environ)
+    images = open_traverse(video(tmp_path / "v.avi", 3), every=0.1).images()
+    next(images)
+    assert dict(os.environ) == before
+    with pytest.raises(InputError):
+        videos._opened("rtsp://127.0.0.1:1/none", "rtsp")
+    assert dict(os.environ) == before
+
+
 def endless(data: bytes) -> bytes:
     """A Matroska file as a live recording leaves it: the lengths of segment and clusters are unknown, none is given."""
     for number in (b"\x18\x53\x80\x67", b"\x1f\x43\xb6\x75"):
