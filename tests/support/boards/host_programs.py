@@ -6,6 +6,7 @@ Used by bench, deploy and support.
 from __future__ import annotations
 
 import ast
+import compileall
 import importlib
 import json
 import sys
@@ -42,10 +43,11 @@ def files(board: str) -> dict[str, bytes]:
 
 
 def flat(board: str, folder: Path) -> Path:
-    """They in a folder."""
+    """They in a folder, compiled once, for a program that is loaded writes no compiled modules."""
     folder.mkdir()
     for name, content in files(board).items():
         (folder / name).write_bytes(content)
+    compileall.compile_dir(folder, quiet=1)
     return folder
 
 
