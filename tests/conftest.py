@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads would wait for a processor by turning
+
 import pytest
 from support.common import children
 from support.common.commands import linked_route, make_route

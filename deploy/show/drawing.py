@@ -9,6 +9,7 @@ import io
 import re
 import textwrap
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -126,6 +127,7 @@ def figure_of(plan: Plan) -> Figure:
     return figure
 
 
+@cache
 def _width(text: str, size: float) -> float:
     """Width of ``text`` in pixels."""
     return float(TextPath((0, 0), text, size=size, prop=FontProperties(family="DejaVu Sans")).get_extents().width)

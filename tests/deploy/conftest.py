@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.boards.kapoho_board import board, flat, load_program  # noqa: F401
+from support.boards.kapoho_board import _objects, board, flat, load_program  # noqa: F401
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
@@ -112,6 +112,14 @@ class Unwatched(contextlib.nullcontext[None]):
 def flat(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The program in one folder; never written to."""
     return host_programs.flat("kapoho_bay", tmp_path_factory.mktemp("flat") / "program")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _objects(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The stand-in's part of embedded programs is compiled once for all of them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STANDIN_OBJECTS", str(tmp_path_factory.mktemp("objects")))
+        yield
 
 
 @pytest.fixture

@@ -23,6 +23,30 @@ CONFIG = np.dtype([(name, "<i4") for name in ("Bias", "BiasExp", "VthProfile", "
 CORE = np.dtype([("state", STATE, 1024), ("config", CONFIG, 1024), ("phases", "<u4", 256), ("stands", "<i4", 1024)])
 
 
+def _compile(source: str, command: list[str]) -> None:
+    """Run a compiler of ``source``.
+
+    Raises:
+        StandinError: it complains.
+    """
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    if done.returncode or done.stderr:
+        raise StandinError(f"{source} does not compile: {done.stderr[:2000]}")
+
+
+def _standin(command: list[str]) -> str:
+    """The stand-in's own part: its source, or what is made of it once in the folder that STANDIN_OBJECTS names."""
+    source, folder = str(INCLUDE / "standin.c"), os.environ.get("STANDIN_OBJECTS")
+    if folder is None:
+        return source
+    made = Path(folder, f"standin{int(FAULTS.no_type)}.o")
+    if not made.exists():
+        own = f"{made}.{os.getpid()}"
+        _compile(source, [*command, "-c", source, "-o", own])
+        os.replace(own, made)
+    return str(made)
+
+
 class RunState(ctypes.Structure):
     """NxSDK's runState."""
 
@@ -62,12 +86,9 @@ class Snip:
         tables = "".join(line for line in header.splitlines() if line.startswith("static const"))
         if 0 <= FAULTS.memory < 2 * len(re.findall(r"\b\d+\b", tables)):
             raise StandinError(f"{self.source}: section .rodata does not fit, region is full")
-        paths = ["-I", self.include, "-I", str(INCLUDE), *["-DSTANDIN_NO_TYPE"] * FAULTS.no_type]
-        sources = [self.source, str(INCLUDE / "standin.c")]
-        command = [compiler, *STRICT, "-shared", "-fPIC", *paths, *sources, "-o", library]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
-        if done.returncode or done.stderr:
-            raise StandinError(f"{self.source} does not compile: {done.stderr[:2000]}")
+        options = [*STRICT, "-fPIC", "-I", self.include, "-I", str(INCLUDE), *["-DSTANDIN_NO_TYPE"] * FAULTS.no_type]
+        parts = ["-shared", self.source, _standin([compiler, *options])]
+        _compile(self.source, [compiler, *options, *parts, "-o", library])
         self.library = ctypes.CDLL(library)
         self.library.standin_memory.restype = ctypes.c_void_p
         raw = (ctypes.c_char * (CORE.itemsize * CORES)).from_address(self.library.standin_memory())
