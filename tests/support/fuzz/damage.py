@@ -214,3 +214,14 @@ def files(folder: Path) -> dict[str, dict[str, Files]]:
         found["times"].append(place / name)
         found["times"][-1].write_text(text)
     return {kind: {path.name: {path.name: path.read_bytes()} for path in paths} for kind, paths in found.items()}
+
+
+def wrong_with(message: str, path: Path | None) -> str:
+    """What is wrong with a message about ``path``; empty: it is one short printable line with the file and a remedy."""
+    if not message.isprintable():
+        return "MORE THAN ONE LINE, OR UNPRINTABLE"
+    if path is not None and not message.startswith(str(path)):
+        return "NOT THE FILE'S NAME FIRST"
+    if "; " not in message or len(message.replace(str(path), "")) >= 500:
+        return "NO REMEDY, OR LONG"
+    return "REFUSED BY MEMORY RUNNING OUT" if "memory for" in message or "not enough memory" in message else ""
