@@ -150,6 +150,7 @@ def part(title: str) -> str:
     return str(found)
 
 
+@cache
 def rooms() -> dict[str, list[str]]:
     """The folders that the page's table of rooms names, with the modules that it names in each."""
     rows = re.findall(r"^\| `([a-z_/]+)/` \| (.*) \|$", part("Rooms"), re.MULTILINE)
@@ -162,6 +163,7 @@ def is_process(folder: Path) -> bool:
     return (folder / "process.py").is_file()
 
 
+@cache
 def folders_here() -> dict[str, set[str]]:
     """Every folder with modules, and their names; of a Process's folder, and of dunder files, only that they are."""
     found: dict[str, set[str]] = {}
