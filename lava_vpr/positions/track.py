@@ -10,12 +10,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 from xml.parsers import expat
 
-import gpxpy
 import numpy as np
-from gpxpy.gpx import GPX, GPXException, GPXRoutePoint, GPXTrack, GPXTrackPoint, GPXTrackSegment, GPXWaypoint
 from numpy.typing import NDArray
 
 from lava_vpr.errors import InputError, brief, shown
@@ -32,6 +30,11 @@ from lava_vpr.positions.frames import (
 )
 from lava_vpr.storage.limits import within
 from lava_vpr.storage.tables import csv_rows, file_text
+
+if TYPE_CHECKING:
+    from gpxpy.gpx import GPXRoutePoint, GPXTrackPoint, GPXWaypoint
+
+    Point = GPXTrackPoint | GPXRoutePoint | GPXWaypoint
 
 _PAIRS = {
     ("x", "y"): XY,
@@ -182,7 +185,6 @@ _MOST_NAMESPACES = 100
 """gpxpy looks for each to the end of the text; receivers declare three or four."""
 _DEEPEST = 100
 """Levels of elements; a point of a track is on the fourth, and what receivers add to it on a few more."""
-Point = GPXTrackPoint | GPXRoutePoint | GPXWaypoint
 
 
 def read_gpx(path: Path) -> Track:
@@ -194,6 +196,9 @@ def read_gpx(path: Path) -> Track:
         InputError: unreadable, no GPX, without points, a point beyond the Earth, times of some points alone, or a time
             before the one above; the message counts points from 1.
     """
+    import gpxpy  # who reads no GPX waits for none
+    from gpxpy.gpx import GPXException
+
     text = file_text(path)
     if "<!DOCTYPE" in text or "<!ENTITY" in text:  # the constructs by which XML attacks its readers
         raise InputError(f"{shown(path)}: is no GPX (it declares a document type); export the track again")
@@ -274,6 +279,8 @@ def gpx_text(positions: Positions, stamps: NDArray[np.float64]) -> str:
         positions: The points, in degrees.
         stamps: Seconds since 1970 of each, float64 (n,).
     """
+    from gpxpy.gpx import GPX, GPXTrack, GPXTrackPoint, GPXTrackSegment  # see `read_gpx`
+
     segment = GPXTrackSegment(
         [
             GPXTrackPoint(round(lat, 7), round(lon, 7), time=datetime.fromtimestamp(stamp, timezone.utc))

@@ -216,6 +216,7 @@ PROGRAM = "import sys; from lava_vpr.cli import main; main(sys.argv[1:], standal
 
 NOT_FOR_A_QUERY = (
     "IPython",
+    "gpxpy",
     "jinja2",
     "lava",
     "lava_vpr.bench",
@@ -231,6 +232,7 @@ NOT_FOR_A_QUERY = (
     "pandas",
     "rich.markdown",
     "rich.progress",
+    "scipy.sparse",
     "scipy.spatial",
     "scipy.stats",
     "sklearn",

@@ -8,19 +8,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, identity
 
 from lava_vpr.engine.inference import counting
 from lava_vpr.engine.inference.direct import SILENCING
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.inputs.front_end import BURST, FrontEnd
-from lava_vpr.inputs.front_end_network import NeuronGroup
 from lava_vpr.loihi import INPUT_SHIFT, NO_MEMORY_DECAY, THRESHOLD_LIMIT
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+    from lava_vpr.inputs.front_end_network import NeuronGroup
 
 COUNTED = 2
 """What a spike adds to its counter, in units of a weight; no presentation is long enough for one to spike."""
@@ -74,6 +77,8 @@ class WholeNetwork(FrontEnd):
 
     def further_groups(self) -> dict[str, NeuronGroup]:
         """The populations that hear the cells; see `lava_vpr.inputs.front_end_network.populations`."""
+        from lava_vpr.inputs.front_end_network import NeuronGroup  # a query needs no scipy
+
         network = self.places
         found = {
             "exc": NeuronGroup(network.neurons, network.threshold, du=0, dv=network.decay),
@@ -83,6 +88,8 @@ class WholeNetwork(FrontEnd):
 
     def further_weights(self) -> dict[tuple[str, str], csr_matrix]:
         """Their synapses; see `lava_vpr.inputs.front_end_network.all_weights`."""
+        from scipy.sparse import csr_matrix, identity  # see `further_groups`
+
         network, ones = self.places, np.ones((1, self.places.neurons), np.int64)
         clock = np.zeros((network.neurons, self.populations["clock"]), np.int64)
         clock[:, network.rising - 1 : network.steps - 1] = network.rise
