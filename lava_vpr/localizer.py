@@ -16,6 +16,7 @@ from lava_vpr.backends.interface import HostBackend
 from lava_vpr.encoding import Keep, encode_arrays, encode_views, image_traverse
 from lava_vpr.engine.adaptation import Motion
 from lava_vpr.engine.gains import Season
+from lava_vpr.engine.inference.direct import strengths
 from lava_vpr.errors import ConfigError
 from lava_vpr.framing import NO_CROP, of_references
 from lava_vpr.inputs.doubts import Doubts
@@ -187,7 +188,8 @@ class Localizer:
         seen = encode_arrays([image], model.config.encoder, self._views, **how, framing=self._framing)
         shown = self._asker.presentations(seen)
         counts = summed(self._backend.count_spikes(self._model, shown)[0], self._asking.views)
-        moving = None if self._motion == NONE else self._moving.moving(shown.seen[:1])
+        rates = strengths(shown.seen[:1], model.config.encoder.direct is not None)
+        moving = None if self._motion == NONE else self._moving.moving(rates)
         stamps = None if stamp is None else np.array([stamp], np.float64)
         scores = self._scores_of(counts)
         self._answerer, answers = self._answerer.step(scores, moving, odometry, stamps)

@@ -281,7 +281,6 @@ def _agree(network: FixedNetwork, config: Config) -> None:
     for name, own, set_to in (
         ("neurons of the model", network.model, settings.model),
         ("presentations of steps", network.interval, config.steps),
-        ("bias in step", network.direct, 0 if before is None else before.begin),
         ("rising from step", network.rising, 0 if before is None else before.rising),
         ("bits", network.bits, settings.weight_bits),
         ("signed", int(network.signed), int(settings.signed)),

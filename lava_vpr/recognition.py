@@ -21,6 +21,7 @@ from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.adaptation import Adaptation, Motion
 from lava_vpr.engine.gains import Season
+from lava_vpr.engine.inference.direct import strengths
 from lava_vpr.matching import sequences
 from lava_vpr.matching.against_truth import Followed, Held, InBlocks, follow, hold
 from lava_vpr.matching.answers import Answers, Together
@@ -222,7 +223,8 @@ def recognise(
         scores, taught[SINGLE], turns = teaching(tracking, Together(sequence, NONE, known, off_map))
         learned = {default: hold(default, scores, truth, Together(sequence)).metrics}
     if comparison.motion != NONE and sequence == 1:
-        moving, by = Motion().moving(shown.rates[: len(queries)]), Together(1, comparison.motion, known, off_map)
+        asked = strengths(shown.rates[: len(queries)], model.config.encoder.direct is not None)
+        moving, by = Motion().moving(asked), Together(1, comparison.motion, known, off_map)
         if tracking.gained:
             scores, taught[FILTERED], turns = teaching(tracking, by)
         else:

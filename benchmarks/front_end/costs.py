@@ -16,6 +16,7 @@ from lava_vpr.bench.show.front_end import HEADS, cells
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.cost.front_end import front_end_costs
 from lava_vpr.deploy.mapping.front_end import placed
+from lava_vpr.engine.presentations import PixelBlock
 from lava_vpr.inputs.front_end import FRONT_END, front_end
 from lava_vpr.traverse import open_traverse
 
@@ -29,10 +30,10 @@ def main() -> Printed:
     """Neurons, synapses, spikes, operations, accesses, updates, messages and energy of each layer; other totals."""
     winter = list(open_traverse(images_of("nordland", FOLDERS["nordland"][1])).images())[IMAGES]
     grey = np.stack([FRONT_END.seen(image) for image in winter])
-    whole = front_end_costs(FRONT_END, placed(FRONT_END, KAPOHO_BAY), grey)
+    whole = front_end_costs(FRONT_END, placed(FRONT_END, KAPOHO_BAY), PixelBlock(grey))
     rows = [(name.replace("all", f"all, {whole.steps} steps"), *figures) for name, *figures in cells(whole)]
     for title, sizes in OTHERS.items():
         spec = front_end(*sizes)
-        _, *totals = cells(front_end_costs(spec, placed(spec, KAPOHO_BAY), grey))[-1]
+        _, *totals = cells(front_end_costs(spec, placed(spec, KAPOHO_BAY), PixelBlock(grey)))[-1]
         rows.append((title, *totals))
     yield BenchmarkTable(["population", *HEADS], rows, record="front-end-costs")

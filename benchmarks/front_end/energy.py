@@ -39,6 +39,7 @@ from lava_vpr.deploy.cost.events import count_events
 from lava_vpr.deploy.cost.front_end import front_end_costs
 from lava_vpr.deploy.mapping.front_end import placed
 from lava_vpr.encoding import Keep, encode_traverse
+from lava_vpr.engine.presentations import PixelBlock
 from lava_vpr.errors import InputError
 from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.matching.evaluation import Metrics
@@ -65,7 +66,7 @@ def with_front_end(way: AnsweringWay | None, spec: FrontEnd, grey: NDArray[np.ui
     """A way through Kapoho Bay with the front end before it on the same board: its steps, registers and packets."""
     if way is None:
         raise InputError(f"{KAPOHO_BAY.title}: has no energies")
-    costs = front_end_costs(spec, placed(spec, KAPOHO_BAY), grey)
+    costs = front_end_costs(spec, placed(spec, KAPOHO_BAY), PixelBlock(grey))
     nothing = Estimate(0, 0, 0)
     dynamic = [*(costs.dynamic_microjoules or {}).values(), *(costs.between_microjoules or {}).values()]
     return replace(
@@ -117,7 +118,7 @@ def in_one_run(
     }
     ms = {name: min(values) for name, values in turns(timed, rounds).items()}
     grey = asked_of.images.kept(Keep.GREY, title)[SEEN]
-    costs = front_end_costs(spec, placed(spec, KAPOHO_BAY), grey)
+    costs = front_end_costs(spec, placed(spec, KAPOHO_BAY), PixelBlock(grey))
     board = from_pixels("", costs, own.recall_at_1, ms["part"], ms["seen"])
     if board is None:
         raise InputError(f"{KAPOHO_BAY.title}: has no energies")

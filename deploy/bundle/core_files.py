@@ -148,7 +148,7 @@ def scalars(bundle: ReadBundle) -> Mapping[str, int]:
         raise BundleError(f"{at}: describes a network whose weights take {beyond}")
     numbers = {name: described[name] for name in names}
     if OF_DIRECT[0] in described:
-        for name, least, most in zip(OF_DIRECT, (1, 1, 0), (*[numbers["steps"] - 1] * 2, INPUT_LIMIT), strict=True):
+        for name, least, most in zip(OF_DIRECT, (1, 0), (numbers["steps"] - 1, INPUT_LIMIT), strict=True):
             if not whole(described.get(name)) or not least <= described[name] <= most:
                 raise BundleError(f"{at}: has {name} {brief(described.get(name))}, of {least}..{most}; {AGAIN}")
             numbers[name] = described[name]

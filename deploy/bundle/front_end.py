@@ -19,6 +19,7 @@ from lava_vpr.deploy.mapping.front_end import NO_AXONS
 from lava_vpr.deploy.mapping.front_end_images import front_end_images
 from lava_vpr.deploy.registers.front_end import FrontEndChips
 from lava_vpr.engine.inference.whole import WholeNetwork
+from lava_vpr.engine.presentations import PixelBlock
 from lava_vpr.errors import BundleError, ConfigError, NetworkLimitError
 from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.model import IntegerModel, Model, integer_model
@@ -54,9 +55,8 @@ def front_end_of(model: Model, *, counted: bool = True) -> FrontEnd | None:
     return whole_of(integer_model(model, "a bundle"), counted=counted)
 
 
-FrontEndPlayer = Callable[[NDArray[np.uint8]], Mapping[str, NDArray[np.uint8]]]
-"""Every spike of each population by name, uint8 (n, steps, neurons), of images' grey levels, uint8 (n, height, width).
-"""
+FrontEndPlayer = Callable[[PixelBlock], Mapping[str, NDArray[np.uint8]]]
+"""Every spike of each population by name, uint8 (n, steps, neurons), of some images."""
 
 
 def barred(spec: FrontEnd, board: Board, *, holds: bool) -> str:

@@ -23,9 +23,10 @@ from lava_vpr.deploy.bundle.loihi2 import PARAMETERS, check_decay
 from lava_vpr.deploy.mapping.front_end import stored_rows
 from lava_vpr.engine.general.lif import LifParameters, bias_of, lif_step
 from lava_vpr.engine.inference.whole import WholeNetwork
+from lava_vpr.engine.presentations import PixelBlock
 from lava_vpr.errors import BundleError
-from lava_vpr.inputs.front_end_network import BIAS_EXPONENT, NeuronGroup, Projection, populations
-from lava_vpr.loihi import BIAS_EXPONENT_LIMIT, WEIGHT_BITS, reset_interval
+from lava_vpr.inputs.front_end_network import NeuronGroup, Projection, populations
+from lava_vpr.loihi import WEIGHT_BITS, reset_interval
 
 NETWORK = "network"
 """The folder of the files."""
@@ -53,7 +54,7 @@ def whole_files(spec: WholeNetwork) -> tuple[dict[str, bytes], dict[str, Any]]:
     parameters = {
         "steps": spec.steps,
         "silent_steps": interval - spec.steps,
-        "populations": {name: _neurons(name, each, interval) for name, each in populations(spec).items()},
+        "populations": {name: _neurons(each, interval) for name, each in populations(spec).items()},
         "synapses": described,
     }
     facts = {"steps": spec.steps, "interval": interval, "populations": dict(spec.populations)}
@@ -78,13 +79,11 @@ def _file(name: str, part: str) -> str:
     return f"{NETWORK}/{name}/{part}.npy"
 
 
-def _neurons(name: str, one: NeuronGroup, interval: int) -> dict[str, Any]:
+def _neurons(one: NeuronGroup, interval: int) -> dict[str, Any]:
     """A population as LIFReset takes it; between presentations the mantissas of pixels are written."""
-    bias: dict[str, Any] = {"bias_mant": 0, "bias_exp": BIAS_EXPONENT if name == "pixels" else 0}
-    if one.bias is not None:  # above a threshold of 1, too
-        bias = {"bias_mant": one.bias.tolist(), "bias_exp": BIAS_EXPONENT_LIMIT}
+    bias = 0 if one.bias is None else one.bias.tolist()
     own = {"shape": [one.size], "du": one.du, "dv": one.dv, "vth": max(1, one.threshold)}
-    return {**own, **bias, "reset_interval": interval, "reset_offset": 1}
+    return {**own, "bias_mant": bias, "bias_exp": one.bias_exp, "reset_interval": interval, "reset_offset": 1}
 
 
 def _projections(spec: WholeNetwork) -> Iterator[Projection]:
@@ -133,10 +132,13 @@ def player(bundle: ReadBundle) -> FrontEndPlayer | None:
     ways = [(each["source"], each["target"], _weights(bundle, each, neurons)) for each in parameters["synapses"]]
     steps, silent = parameters["steps"], parameters["silent_steps"]
 
-    def play(grey: NDArray[np.uint8]) -> dict[str, NDArray[np.uint8]]:
+    def play(images: PixelBlock) -> dict[str, NDArray[np.uint8]]:
+        grey, bias = images
         films = {name: np.zeros((len(grey), steps + silent, len(one.u)), np.uint8) for name, one in neurons.items()}
         for number, image in enumerate(grey):
             neurons["pixels"].bias = bias_of(image.reshape(-1), neurons["pixels"].exponent)
+            if bias is not None:
+                neurons["exc"].bias = bias[number].astype(np.int64)
             for one in neurons.values():
                 one.rest()
             for step in range(steps + silent):

@@ -23,13 +23,14 @@ from lava_vpr.deploy.boards.board import LifReset
 from lava_vpr.deploy.boards.constants import CostConstants, Estimate, Level, total
 from lava_vpr.deploy.cost.embedded import BIAS_ACCESSES, ROOM, Accesses, received, sent
 from lava_vpr.deploy.mapping.front_end import EVENTS, PlacedFrontEnd, Rows, on_cores
+from lava_vpr.engine.presentations import PixelBlock
 from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.inputs.front_end_network import populations
 from lava_vpr.loihi import NO_MEMORY_DECAY
 
-COUNTS_OF_CELLS, COUNTS_OF_EXC = "counts of cells", "counts of exc"
+COUNTS_OF_CELLS, COUNTS_OF_EXC, BIASES_OF_EXC = "counts of cells", "counts of exc", "biases of exc"
 """Names of the registers that are read after a presentation: counts of cells, or of the neurons of places that hear
-these."""
+these; and of those that are written before it where the network adapts."""
 Floats = NDArray[np.float64]
 Films = Mapping[str, NDArray[np.uint8]]
 
@@ -75,7 +76,7 @@ class FrontEndCosts:
         cores: Cores of all populations, none of which share a core.
         layers: Events of each population by name.
         registers: Registers written or read for an image, by purpose: ``pixels`` (or ``events``, spikes that are sent),
-            ``clearing of states``, ``counts of cells`` (or ``counts of exc``).
+            ``clearing of states``, ``counts of cells`` (or ``counts of exc``), ``biases of exc``.
         packets: Packets of the host for an image: those of the pixels or events, and of the counts.
         dynamic_microjoules: Of the steps, by population.
         between_microjoules: Of the registers, by purpose, without hops on the mesh.
@@ -115,22 +116,23 @@ AT_ONCE = 20
 """Images whose spikes are in memory at once, twice 2 MB each."""
 
 
-def front_end_costs(spec: FrontEnd, plan: PlacedFrontEnd, grey: NDArray[np.uint8]) -> FrontEndCosts:
+def front_end_costs(spec: FrontEnd, plan: PlacedFrontEnd, images: PixelBlock) -> FrontEndCosts:
     """Modelled costs of a presentation on the board of ``plan``.
 
     Args:
         spec: The front end.
         plan: The placed front end.
-        grey: Grey levels of its pixels for each image (`FrontEnd.seen`), uint8 (n, height, width), n at least 1.
+        images: At least one.
     """
-    board, constants = plan.board, plan.board.constants
-    blocks = [_counted(spec, plan, grey[k : k + AT_ONCE]) for k in range(0, len(grey), AT_ONCE)]
+    board, constants, grey = plan.board, plan.board.constants, images.grey
+    blocks = [_counted(spec, plan, block) for block in images.in_parts(AT_ONCE)]
     found = {
         name: _Counted._make(map(np.concatenate, zip(*(each[name] for each in blocks), strict=True)))
         for name in plan.populations
     }
     layers = {name: found[name].events(plan.populations[name].stored, len(grey)) for name in found}
-    registers = registers_between(spec, plan, float(spec.events(grey).sum()) / len(grey) if spec.window else 0.0)
+    events = float(spec.events(grey).sum()) / len(grey) if spec.window else 0.0
+    registers = registers_between(spec, plan, events, adapted=images.bias is not None)
     packets = sum(-(-words // ROOM) for words in _words(spec, registers).values())
     costs = FrontEndCosts(board.name, len(grey), spec.steps, plan.cores, layers, registers, packets)
     if constants is None or board.mesh is None:
@@ -153,11 +155,12 @@ def front_end_costs(spec: FrontEnd, plan: PlacedFrontEnd, grey: NDArray[np.uint8
     )
 
 
-def registers_between(spec: FrontEnd, plan: PlacedFrontEnd, events: float) -> dict[str, int]:
+def registers_between(spec: FrontEnd, plan: PlacedFrontEnd, events: float, *, adapted: bool) -> dict[str, int]:
     """Registers of cores that are written or read for an image, by purpose.
 
     A bias is read and written; each of the ``events`` is a spike that is sent. All states that last are cleared,
-    membranes and currents separately, unless the board resets its neurons.
+    membranes and currents separately, unless the board resets its neurons. Where the network is ``adapted``, so are the
+    biases of the neurons of places.
     """
     sizes, kept = spec.populations, 0
     for group in populations(spec).values():
@@ -167,6 +170,7 @@ def registers_between(spec: FrontEnd, plan: PlacedFrontEnd, events: float) -> di
         **({EVENTS: round(events)} if spec.window else {"pixels": pixels}),
         "clearing of states": 0 if isinstance(plan.board.clearing, LifReset) else kept,
         COUNTS_OF_EXC if "exc" in sizes else COUNTS_OF_CELLS: sizes.get("exc", sizes["cells"]),
+        **({BIASES_OF_EXC: BIAS_ACCESSES * sizes["exc"] + plan.populations["exc"].cores} if adapted else {}),
     }
 
 
@@ -190,9 +194,10 @@ class _Counted(NamedTuple):
         return LayerEvents(neurons, stored, active, spikes, operations, accesses, updates, messages)
 
 
-def _counted(spec: FrontEnd, plan: PlacedFrontEnd, grey: NDArray[np.uint8]) -> dict[str, _Counted]:
+def _counted(spec: FrontEnd, plan: PlacedFrontEnd, images: PixelBlock) -> dict[str, _Counted]:
     """The events of every population."""
-    films, found, homes = spec.trains(grey), dict[str, _Counted](), dict[str, csr_matrix]()
+    grey = images.grey
+    films, found, homes = spec.trains(*images), dict[str, _Counted](), dict[str, csr_matrix]()
     if spec.window:
         films[EVENTS] = spec.events(grey).astype(np.uint8)
     spiked = {name: csr_matrix(film.reshape(-1, film.shape[2]), dtype=np.int32) for name, film in films.items()}
@@ -248,9 +253,10 @@ def _step_microseconds(found: Iterable[_Counted], constants: CostConstants, tile
 
 
 def _words(spec: FrontEnd, registers: Mapping[str, int]) -> dict[str, int]:
-    """Words that the host sends or receives, by purpose: one per pixel, event and cell."""
-    sent_for = {"pixels": spec.populations["pixels"], EVENTS: registers.get(EVENTS, 0), "clearing of states": 0}
-    return {what: sent_for.get(what, count) for what, count in registers.items()}
+    """Words that the host sends or receives, by purpose: one per pixel, event, bias and count."""
+    sizes = spec.populations
+    words = {"pixels": sizes["pixels"], "clearing of states": 0, BIASES_OF_EXC: sizes.get("exc", 0)}
+    return {what: words.get(what, count) for what, count in registers.items()}
 
 
 def _between_milliseconds(

@@ -20,8 +20,7 @@ from lava_vpr.deploy.registers.synapse_memory import pack
 from lava_vpr.deploy.registers.synapses import Formats, SynapseFormat, SynapseRows, index_bits, joined
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.inputs.front_end import FrontEnd
-from lava_vpr.inputs.front_end_network import BIAS_EXPONENT, NeuronGroup, populations
-from lava_vpr.loihi import BIAS_EXPONENT_LIMIT
+from lava_vpr.inputs.front_end_network import NeuronGroup, populations
 
 Places = Mapping[str, NDArray[np.int32]]
 """Chip, core and compartment of every neuron of each population, int32 (neurons, 3), by name."""
@@ -91,10 +90,9 @@ def _compartments(group: NeuronGroup, name: str, begun: bool) -> NDArray[np.int3
     """Profile, threshold register, bias mantissa and exponent of each; the host writes the mantissas of pixels, and, so
     that a presentation is ``begun``, that of the clock."""
     found = np.zeros((group.size, 4), np.int32)
-    if group.bias is not None:  # above a threshold of 1, too
-        found[:, 2], found[:, 3] = 0 if begun else group.bias, BIAS_EXPONENT_LIMIT
-    elif name == "pixels":
-        found[:, 3] = BIAS_EXPONENT
+    if group.bias is not None and not (begun and name == "clock"):
+        found[:, 2] = group.bias
+    found[:, 3] = group.bias_exp
     return found
 
 

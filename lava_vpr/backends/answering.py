@@ -17,6 +17,7 @@ from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, Keep, encoded_batches
 from lava_vpr.engine.adaptation import Motion
 from lava_vpr.engine.gains import Season
+from lava_vpr.engine.inference.direct import strengths
 from lava_vpr.framing import NO_CROP
 from lava_vpr.inputs.doubts import Doubts, Sign, signs_of
 from lava_vpr.matches import likeness_of
@@ -91,7 +92,8 @@ def in_turn(
         ends = np.cumsum([len(asked.rates) for _, asked in group])
         for of_batch, (seen, asked) in zip(np.split(counts, ends[:-1]), group, strict=True):
             some = summed(of_batch, asker.asking.views)
-            moving = None if together.motion == NONE else motion.moving(asked.seen[: len(some)])
+            rates = strengths(asked.seen[: len(some)], model.config.encoder.direct is not None)
+            moving = None if together.motion == NONE else motion.moving(rates)
             scores = scores_of(some)
             part = None if traverse is None else traverse.take(range(first, first + len(some)))
             stamps, positions = (None, None) if part is None else (part.stamps, part.positions)

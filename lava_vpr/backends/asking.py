@@ -73,8 +73,6 @@ class Asking:
         network, alone = model.config.network, motion == NONE and not self.learn
         if not self.tracked_adapt or alone or not isinstance(network, LifNetwork) or not network.signed:
             return self
-        if model.config.encoder.direct is not None:
-            return self
         return replace(self, adapt=network.adapt or (LifNetwork.adapt if self.learn else None))
 
     @property
@@ -100,7 +98,7 @@ class Asking:
         if option is None:
             return
         integer = integer_model(model, option)
-        if model.config.encoder.direct is not None:
+        if model.config.encoder.direct is not None and self.gained:
             raise ConfigError(
                 f"{option} needs rates of inputs, but these neurons hear the cells of the front end themselves; train "
                 "with --input frontend"

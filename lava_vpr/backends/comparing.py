@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from lava_vpr.backends.interface import AT_ONCE, Advance, Presentations, RunFron
 from lava_vpr.config import EncoderConfig
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.gains import FULL, digits_of
+from lava_vpr.engine.presentations import PixelBlock
 from lava_vpr.engine.rates import query_rates16
 from lava_vpr.errors import InputError
 from lava_vpr.inputs.encoder import Keep
@@ -95,11 +97,13 @@ class FrontEndQueries(NamedTuple):
         model: The model.
         views: The encoded queries in each of their views, with the pixels that the front end takes (`Keep.GREY`).
         asked: Makes the presentations of encoded views, view after view.
+        bias: Biases of the neurons that hear the cells, view after view, int32 (n, neurons); None: their own.
     """
 
     model: Model
     views: Sequence[EncodedTraverse]
     asked: Callable[[Sequence[EncodedTraverse]], Presentations]
+    bias: NDArray[np.int32] | None = None
 
     @property
     def names(self) -> list[str]:
@@ -107,11 +111,10 @@ class FrontEndQueries(NamedTuple):
         return [name for view in self.views for name in view.names]
 
     @property
-    def blocks(self) -> list[tuple[NDArray[np.uint8], list[str]]]:
-        """Blocks of at most `AT_ONCE` images: pixels that the front end takes, uint8 (n, height, width), and names."""
+    def blocks(self) -> list[PixelBlock]:
+        """Blocks of at most `AT_ONCE` images."""
         grey = np.concatenate([view.kept(Keep.GREY, "comparing the front end") for view in self.views])
-        starts = range(0, len(grey), AT_ONCE)
-        return [(grey[start : start + AT_ONCE], self.names[start : start + AT_ONCE]) for start in starts]
+        return PixelBlock(grey, self.bias).in_parts(AT_ONCE)
 
 
 def compare_front_ends(
@@ -123,9 +126,11 @@ def compare_front_ends(
     """
     if run is None or shown is None:
         return SpikesCompared({})
-    spec, blocks = front_end_of(shown.model), shown.blocks
-    films = run(shown.model, (grey for grey, _ in blocks), advance)
-    found = [compare(spec.trains(grey), theirs, names) for (grey, names), theirs in zip(blocks, films, strict=True)]
+    spec, blocks, names = front_end_of(shown.model), shown.blocks, iter(shown.names)
+    found = [
+        compare(spec.trains(*block), theirs, list(islice(names, len(block.grey))))
+        for block, theirs in zip(blocks, run(shown.model, blocks, advance), strict=True)
+    ]
     spikes = {population: sum(each.spikes[population] for each in found) for population in found[0].spikes}
     first = next((each.first for each in found if each.first is not None), None)
     return SpikesCompared(spikes, sum(each.differing for each in found), first)
@@ -133,7 +138,7 @@ def compare_front_ends(
 
 def of_own_cells(run: RunFrontEnd, shown: FrontEndQueries, advance: Advance | None) -> Presentations:
     """The presentations of queries with the activity that a backend's own front end gives them."""
-    films = run(shown.model, (grey for grey, _ in shown.blocks), advance)
+    films = run(shown.model, shown.blocks, advance)
     activity = np.concatenate([film["cells"].sum(axis=1, dtype=np.float32) for film in films])
     parts = np.split(activity, len(shown.views))
     return shown.asked([replace(view, activity=part) for view, part in zip(shown.views, parts, strict=True)])

@@ -21,7 +21,7 @@ from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.deploy.bundle.folder import ReadBundle
 from lava_vpr.deploy.bundle.targets import TARGETS, open_whole
 from lava_vpr.engine.inference import counting
-from lava_vpr.engine.presentations import Trains
+from lava_vpr.engine.presentations import PixelBlock, Trains
 from lava_vpr.errors import BackendUnavailableError, BundleError, InputError, shown
 from lava_vpr.inputs.encoder import Keep
 from lava_vpr.model import Model, checked_network, integer_model
@@ -101,13 +101,13 @@ class BundleBackend:
 
 
 def front_end_trains(
-    model: Model, blocks: Iterable[NDArray[np.uint8]], advance: Advance | None = None
+    model: Model, blocks: Iterable[PixelBlock], advance: Advance | None = None
 ) -> Iterator[Mapping[str, NDArray[np.uint8]]]:
     """Simulate the spiking front end of a bundle from its files alone; the bundle is opened once.
 
     Args:
         model: The bundle's model.
-        blocks: Images as grey pixels, uint8 (n, height, width) each.
+        blocks: Blocks of images.
         advance: Called with the number of further images that are done.
     Yields:
         The spikes of each population by name, uint8 (n, steps, neurons), for each block; an empty mapping if the bundle
@@ -115,10 +115,10 @@ def front_end_trains(
     """
     with bundle_of(model) as bundle:
         play = TARGETS[bundle.target].front_end_player(bundle)
-        for grey in blocks:
-            yield {} if play is None else play(grey)
+        for block in blocks:
+            yield {} if play is None else play(block)
             if advance is not None:
-                advance(len(grey))
+                advance(len(block.grey))
 
 
 @dataclass(frozen=True)

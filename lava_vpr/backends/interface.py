@@ -19,7 +19,7 @@ from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import counting
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.whole import WholeNetwork
-from lava_vpr.engine.presentations import Trains
+from lava_vpr.engine.presentations import PixelBlock, Trains
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.engine.rates import query_rates, spike_trains
 from lava_vpr.errors import ConfigError, InputError
@@ -30,9 +30,9 @@ from lava_vpr.model import Model, checked_network, integer_model
 Advance = Callable[[int], None]
 """A function called with how many more presentations are done."""
 
-RunFrontEnd = Callable[[Model, Iterable[NDArray[np.uint8]], Advance | None], Iterator[Mapping[str, NDArray[np.uint8]]]]
-"""Runs the spiking front end of a model (`front_end_of`) on what its pixels take of blocks of images, uint8 (n, height,
-width) each: of each block every spike of each population by name, uint8 (n, steps, neurons)."""
+RunFrontEnd = Callable[[Model, Iterable[PixelBlock], Advance | None], Iterator[Mapping[str, NDArray[np.uint8]]]]
+"""Runs the spiking front end of a model (`front_end_of`) on blocks of images: of each block every spike of each
+population by name, uint8 (n, steps, neurons)."""
 
 
 RunGains = Callable[[NDArray[np.uint16], NDArray[np.uint8], NDArray[np.int32], Advance | None], NDArray[np.int64]]
@@ -247,8 +247,8 @@ class FromPixels:
         if shown.grey is None:
             raise InputError(f"the queries' pixels were not kept, which neurons hear; encode them with {Keep.GREY}")
         parts = [slice(start, start + AT_ONCE) for start in range(0, len(shown.grey), AT_ONCE)]
-        grey = shown.grey
-        yield from zip(parts, self.run(model, (grey[part] for part in parts), self.advance), strict=True)
+        blocks = PixelBlock(shown.grey, shown.bias).in_parts(AT_ONCE)
+        yield from zip(parts, self.run(model, blocks, self.advance), strict=True)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.conductance.model import ConductanceState
 from lava_vpr.engine.inference import counting
 from lava_vpr.engine.inference.whole import WholeNetwork, settings_of
-from lava_vpr.engine.presentations import Trains
+from lava_vpr.engine.presentations import PixelBlock, Trains
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.model import Model, checked_network
@@ -125,7 +125,7 @@ class LavaBackend:
 
 
 def front_end_trains(
-    job: str, tag: str, model: Model, blocks: Iterable[NDArray[np.uint8]], advance: Advance | None = None
+    job: str, tag: str, model: Model, blocks: Iterable[PixelBlock], advance: Advance | None = None
 ) -> Iterator[dict[str, NDArray[np.uint8]]]:
     """Run the spiking front end as Lava Processes; see `lava_vpr.backends.interface.RunFrontEnd`.
 
@@ -133,7 +133,7 @@ def front_end_trains(
         job: Function of `lava_vpr.processes.jobs.front_end`.
         tag: Tag of the ProcessModels.
         model: The model that has the front end.
-        blocks: Images as the pixels that the front end takes, uint8 (n, height, width) each; a run for each block.
+        blocks: Blocks of images, a run for each.
         advance: Called with the number of further images that are done.
     Yields:
         The spikes of each population by name, uint8 (n, steps, neurons), for each block.
@@ -143,9 +143,12 @@ def front_end_trains(
     options: dict[str, Any] = {"spec": settings_of(spec), "tag": tag}
     if isinstance(spec, WholeNetwork):
         arrays, options["network"] = {"weights": spec.places.weights, "bias": spec.places.bias}, spec.places.scalars
-    for grey in blocks:
-        timeout = 120 + len(grey) * spec.steps / SLOWEST
-        yield run_isolated(target, {"grey": grey, **arrays}, options, timeout=timeout, progress=advance)
+    for block in blocks:
+        given: dict[str, NDArray[Any]] = {"grey": block.grey}
+        if block.bias is not None:
+            given["biases"] = block.bias
+        timeout = 120 + len(block.grey) * spec.steps / SLOWEST
+        yield run_isolated(target, arrays | given, options, timeout=timeout, progress=advance)
 
 
 def gained(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
+from itertools import starmap
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from lava_vpr.backends.interface import Advance, Backend, BackendRow, FromPixels, HostBackend, front_end_of
 from lava_vpr.backends.lava import LavaBackend, front_end_trains, gained, lava_missing, loihi2_missing
 from lava_vpr.cluster.tasks import Pool
+from lava_vpr.engine.presentations import PixelBlock
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.model import Model
 from lava_vpr.rows.registry import Registry
@@ -33,7 +35,7 @@ def _bundle(threads: int, advance: Advance | None) -> Backend:
 
 
 def _bundle_front_end(
-    model: Model, blocks: Iterable[NDArray[np.uint8]], advance: Advance | None
+    model: Model, blocks: Iterable[PixelBlock], advance: Advance | None
 ) -> Iterator[Mapping[str, NDArray[np.uint8]]]:
     """The spikes of the front end in a bundle, block by block."""
     from lava_vpr.backends.deployed import front_end_trains as simulated
@@ -65,7 +67,7 @@ for _row in (
         timing="compiled",
         default=True,
         together=256,
-        front_end=lambda model, blocks, advance: map(front_end_of(model).trains, blocks),
+        front_end=lambda model, blocks, advance: starmap(front_end_of(model).trains, blocks),
     ),
     BackendRow(
         "lava-fixed",

@@ -25,7 +25,8 @@ from lava_vpr.backends.interface import HostBackend, Presentations
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.engine.adaptation import Adaptation
-from lava_vpr.engine.rates import query_rates, strengths
+from lava_vpr.engine.inference.direct import strengths
+from lava_vpr.engine.rates import query_rates
 from lava_vpr.errors import ConfigError, InputError, shown
 from lava_vpr.inputs.encoder import INPUTS
 from lava_vpr.matching import baselines, decoders
@@ -216,7 +217,7 @@ class Rivals:
         if name in _COMPARED:
             return compared(self.model, self.queries, name)
         pair = self._rates, query_rates(self.model.activity, self.model.config)
-        seen, references = (strengths(rates, self.model.config.encoder) for rates in pair)
+        seen, references = (strengths(rates, self.model.config.encoder.direct is not None) for rates in pair)
         return seen, references
 
     def _similar(

@@ -160,7 +160,7 @@ class HostRun:
                 f"({len(silent)} of {len(queries)} such queries); choose others with --places"
             )
         has_front_end = model.config.encoder.front_end is not None
-        front_end = FrontEndQueries(model, views, presented) if has_front_end else None
+        front_end = FrontEndQueries(model, views, presented, shown.bias) if has_front_end else None
         compared = compare_front_ends(BACKENDS["host"].front_end, front_end, None).spikes
         if model.config.encoder.direct is None:
             compared |= compare(trains.films, trains.films, images).spikes if trains else {"exc": int(counts.sum())}
@@ -255,7 +255,7 @@ def _in_one_run(row: BackendRow, host: HostRun, shown: FrontEndQueries, advance:
     if row.front_end is None:
         raise ConfigError(f"{row.name} runs no front end, whose cells the neurons hear; train with --input frontend")
     if not row.exact:
-        films = row.front_end(shown.model, (grey for grey, _ in shown.blocks), advance)
+        films = row.front_end(shown.model, shown.blocks, advance)
         counts = np.concatenate([film["exc"].sum(axis=1, dtype=np.int32) for film in films])
         return replace(host.verdict, name=row.name, equal=None, recall=recall_at_1(shown.model, counts, host.truth))
     found = compare_front_ends(row.front_end, shown, advance)

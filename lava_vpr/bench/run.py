@@ -45,7 +45,7 @@ from lava_vpr.deploy.cost.embedded import bias_milliseconds
 from lava_vpr.deploy.cost.front_end import FrontEndCosts, front_end_costs
 from lava_vpr.deploy.mapping.front_end import placed
 from lava_vpr.encoding import EncodedTraverse, Keep
-from lava_vpr.engine.presentations import Trains, cores
+from lava_vpr.engine.presentations import PixelBlock, Trains, cores
 from lava_vpr.errors import LavaVprError
 from lava_vpr.model import Model, as_integer, integer_model
 from lava_vpr.recognition import Comparison, Recognition, recognise
@@ -106,8 +106,17 @@ class Work:
 
     @cached_property
     def front_end(self) -> dict[str, FrontEndCosts]:
-        """The cost of the spiking front end on each board, with the network that hears its cells if one does, from at
-        most `SEEN` queries, evenly spread.
+        """The cost of the spiking front end on each board, with the network that hears its cells if one does."""
+        return self._front_end(None)
+
+    @cached_property
+    def front_end_adapted(self) -> dict[str, FrontEndCosts]:
+        """The same with the queries' own biases; empty if they have none, or rates of inputs."""
+        heard = self.queries.model.config.encoder.direct is not None
+        return self._front_end(self.presented.bias) if heard and self.presented.bias is not None else {}
+
+    def _front_end(self, bias: NDArray[np.int32] | None) -> dict[str, FrontEndCosts]:
+        """The costs with biases of all presentations, from at most `SEEN` queries, evenly spread.
 
         Raises:
             InputError: the queries' pixels were not kept.
@@ -119,10 +128,11 @@ class Work:
         n = len(images)
         chosen = np.linspace(0, n - 1, min(n, SEEN)).round().astype(np.int64)
         grey = images.kept(Keep.GREY, "counting the front end")[chosen]
+        shown = PixelBlock(grey, None if bias is None else bias[chosen])
         for board in (BOARDS[name] for name in self.request.boards):
             spec = front_end_of(self.queries.model, counted=board.counters)
             if spec is not None:
-                found[board.name] = front_end_costs(spec, placed(spec, board), grey)
+                found[board.name] = front_end_costs(spec, placed(spec, board), shown)
         return found
 
     @cached_property
@@ -222,7 +232,8 @@ def _energy(work: Work, variants: QueryVariants | None) -> tuple[AnsweringWay, .
         ways.append(AnsweringWay("host", own, medians["host"], encoding))
     if variants is not None and variants.views == 1:
         how = "adapted" if work.request.asking.replay is None else "gains"
-        ways += [_adapted(way, how, variants, work.plans.get(way.name)) for way in ways]
+        from_pixels_on = work.front_end_adapted
+        ways += [_adapted(way, how, variants, work.plans.get(way.name), from_pixels_on.get(way.name)) for way in ways]
     cosine = work.answers.metrics["cosine"].recall_at_1
     return (*ways, AnsweringWay("cosine", cosine, alone(work.queries, "cosine"), encoding))
 
@@ -237,11 +248,15 @@ def _from_pixels(work: Work, recall: float, decoding: float) -> list[AnsweringWa
     return [way for way in ways if way is not None]
 
 
-def _adapted(way: AnsweringWay, how: str, variants: QueryVariants, plan: Plan | str | None) -> AnsweringWay:
+def _adapted(
+    way: AnsweringWay, how: str, variants: QueryVariants, plan: Plan | str | None, costs: FrontEndCosts | None
+) -> AnsweringWay:
     """A ``way`` of the network with adaptation or gains: the host computes biases and sends a board one per neuron."""
     recall = way.recall if variants.adapted is None else variants.adapted.recall_at_1
     work = way.work_milliseconds + (variants.host_milliseconds or 0.0)
     way = replace(way, name=f"{way.name}, {how}", recall=recall, work_milliseconds=work)
+    if costs is not None:  # from pixels to places
+        return from_pixels(way.name, costs, recall, work, way.encoding_milliseconds) or way
     if not isinstance(plan, Plan) or plan.board.constants is None or way.dynamic is None or way.io_static is None:
         return way
     constants = plan.board.constants

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.engine.inference.direct import strengths
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.inference.quantise import RATE_UNIT, biases_of
+from lava_vpr.engine.inference.quantise import RATE_UNIT, subtracting
 from lava_vpr.loihi import INPUT_SHIFT
 
 STANDING = (4, 5)
@@ -117,6 +118,7 @@ class Adaptation:
     def means(self, rates: NDArray[np.uint16]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Mean rates before each of the next queries, with the share of the start, float64 (n, inputs + 1); which of
         the queries count, bool (n,)."""
+        rates = strengths(rates, self._network.direct)
         values = np.pad(rates, ((0, 0), (0, 1))).astype(np.float64)  # the start is never seen again
         means, counted = np.empty_like(values), self._motion.moving(rates)
         for i, value in enumerate(values):
@@ -129,8 +131,8 @@ class Adaptation:
     def taking_off(self, means: NDArray[np.float64]) -> NDArray[np.int32]:
         """Biases int32 (n, neurons) that subtract the drive of ``means``."""
         shown, start = np.rint(means[:, :-1]).astype(np.uint16), means[:, -1:]
-        drives = self._network.drives(shown) / RATE_UNIT - start * (self._network.bias / (1 << INPUT_SHIFT))
-        return biases_of(drives, self._network.safe_bias)
+        own = self._network.bias / (self._network.bias_steps << INPUT_SHIFT)
+        return subtracting(self._network, self._network.drives(shown) / RATE_UNIT - start * own)
 
     def _news(self, value: NDArray[np.float64]) -> bool:
         """Whether a query overlaps by at most `FAMILIAR` with the mean of the previous queries, from which the start is

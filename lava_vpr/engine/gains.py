@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from lava_vpr.engine.adaptation import unseen
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.inference.quantise import RATE_UNIT, biases_of
+from lava_vpr.engine.inference.quantise import RATE_UNIT, subtracting
 
 GAIN_BITS = 4
 FULL = (1 << GAIN_BITS) - 1
@@ -186,4 +186,4 @@ def biases_under(
 ) -> NDArray[np.int32]:
     """Biases int32 (n, neurons) that subtract the drive of ``means`` (`Adaptation.means`) under ``gains``."""
     shown = expected(means, reference).astype(np.uint16)
-    return biases_of(network.drives(weighed(shown, gains)) / RATE_UNIT, network.safe_bias)
+    return subtracting(network, network.drives(weighed(shown, gains)) / RATE_UNIT)

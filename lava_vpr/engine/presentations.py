@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -65,6 +65,26 @@ def share(run: Callable[[slice], T], n: int, threads: int) -> list[T]:
         return [run(part) for part in parts]
     with ThreadPoolExecutor(len(parts)) as pool:
         return list(pool.map(run, parts))
+
+
+class PixelBlock(NamedTuple):
+    """Some images that a spiking front end is shown.
+
+    Attributes:
+        grey: What its pixels take of each, uint8 (n, height, width).
+        bias: Biases of the neurons that hear its cells in each presentation, int32 (n, neurons); None: their own.
+    """
+
+    grey: NDArray[np.uint8]
+    bias: NDArray[np.int32] | None = None
+
+    def part(self, chosen: slice) -> PixelBlock:
+        """Some of the images."""
+        return PixelBlock(self.grey[chosen], None if self.bias is None else self.bias[chosen])
+
+    def in_parts(self, most: int) -> list[PixelBlock]:
+        """The images, at most ``most`` at a time."""
+        return [self.part(slice(start, start + most)) for start in range(0, len(self.grey), most)]
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,6 @@ for the ``paper`` preset's 0.1 ms. An input spikes when its draw of the same wid
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -49,11 +47,6 @@ def query_rates16(activity: NDArray[np.float32], encoder: EncoderConfig) -> NDAr
     if encoder.direct is not None:
         return encoder.direct.burst_codes(activity)
     return rates16(activity, encoder.query_spikes, encoder.query_inputs)
-
-
-def strengths(rates: NDArray[Any], encoder: EncoderConfig) -> NDArray[Any]:
-    """What similarities compare of the rates of queries, (n, inputs): these, or how many spikes each burst has."""
-    return rates if encoder.direct is None else rates % BURST
 
 
 def training_rates(activity: NDArray[np.float32], config: Config) -> NDArray[np.uint16] | NDArray[np.uint32]:

@@ -45,6 +45,8 @@ from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT, STATE_LIMIT, WE
 
 BURST = 8
 """A burst is the step of its first spike times this, plus the number of its spikes, which is less."""
+BURST_STEPS = 10
+"""Steps of the race in which nearly all spikes of cells fall."""
 _FRACTION = 128
 """Steps that a burst's fraction is in units of; more than twice those of a presentation."""
 COLUMNS = 2
@@ -377,11 +379,12 @@ class FrontEnd:
         first = np.clip(first, self.window + self.levels, self.end - counts)
         return np.where(counts > 0, first * BURST + counts, 0).astype(np.uint16)
 
-    def trains(self, grey: NDArray[np.uint8]) -> dict[str, NDArray[np.uint8]]:
+    def trains(self, grey: NDArray[np.uint8], bias: NDArray[np.int32] | None = None) -> dict[str, NDArray[np.uint8]]:
         """Every spike of each population by name, uint8 (n, steps, neurons).
 
         Args:
             grey: What the front end is given of each image (`seen`), uint8 (n, *shape).
+            bias: Biases of the neurons that hear the cells, of which a front end alone has none.
         """
         films = {name: np.zeros((len(grey), self.steps, n), np.uint8) for name, n in self.populations.items()}
         clock = np.arange(self.populations["clock"])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, identity
 
 from lava_vpr.inputs.front_end import COLUMNS, FrontEnd
-from lava_vpr.loihi import INPUT_SHIFT, NO_MEMORY_DECAY, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
+from lava_vpr.loihi import BIAS_EXPONENT_LIMIT, INPUT_SHIFT, NO_MEMORY_DECAY, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 
 BIAS_EXPONENT = INPUT_SHIFT
 """Exponent of the biases of pixels, whose mantissas are their grey levels."""
@@ -31,13 +31,15 @@ class NeuronGroup(NamedTuple):
     Attributes:
         size: Number of neurons.
         threshold: Threshold of all.
-        bias: Bias mantissas in units of v, (size,); None: none, or those of an image (`BIAS_EXPONENT`).
+        bias: Bias mantissas, (size,); None: none, or those of an image (`BIAS_EXPONENT`).
+        bias_exp: Their exponent: a bias is mantissa 2^exponent in units of v.
         du, dv: Decays as `lava_vpr.engine.general.lif.LifParameters` has them.
     """
 
     size: int
     threshold: int
     bias: NDArray[np.int32] | None = None
+    bias_exp: int = 0
     du: int = NO_MEMORY_DECAY
     dv: int = 0
 
@@ -62,16 +64,16 @@ def populations(spec: FrontEnd) -> dict[str, NeuronGroup]:
     sizes = spec.populations
     first = np.zeros(sizes["clock"], np.int32)
     first[0] = 1
-    numbers: dict[str, tuple[int, NDArray[np.int32] | None, int, int]] = {
-        "clock": (0, first, NO_MEMORY_DECAY, 0),
-        "pixels": (spec.pixel_threshold, None, NO_MEMORY_DECAY, 0),
-        "filters": (spec.filter_threshold, None, 0, 0),
-        "pairs": (spec.needed - 1, None, NO_MEMORY_DECAY, 0),
-        "onsets": (0, None, NO_MEMORY_DECAY, 0),
-        "cells": (spec.cell_weight // 2, None, 0, NO_MEMORY_DECAY),
-        "pools": (int(spec.budgets.max()) - 1, None, NO_MEMORY_DECAY, 0),
+    found = {
+        "clock": NeuronGroup(sizes["clock"], 0, first, BIAS_EXPONENT_LIMIT),  # above a threshold of 1, too
+        "pixels": NeuronGroup(sizes["pixels"], spec.pixel_threshold, bias_exp=BIAS_EXPONENT),
+        "filters": NeuronGroup(sizes["filters"], spec.filter_threshold, du=0),
+        "pairs": NeuronGroup(sizes["pairs"], spec.needed - 1),
+        "onsets": NeuronGroup(sizes["onsets"], 0),
+        "cells": NeuronGroup(sizes["cells"], spec.cell_weight // 2, du=0, dv=NO_MEMORY_DECAY),
+        "pools": NeuronGroup(sizes["pools"], int(spec.budgets.max()) - 1),
     }
-    return {name: NeuronGroup(sizes[name], *values) for name, values in numbers.items()} | spec.further_groups()
+    return found | spec.further_groups()
 
 
 def synapses(spec: FrontEnd) -> Iterator[Projection]:

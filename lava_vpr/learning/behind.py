@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.cluster.tasks import ONE_THREAD, Pool
-from lava_vpr.engine.rates import query_rates, strengths
+from lava_vpr.engine.inference.direct import strengths
+from lava_vpr.engine.rates import query_rates
 from lava_vpr.errors import LavaVprError
 from lava_vpr.maps.changes import remove
 from lava_vpr.matching.baselines import cosine_similarities
@@ -80,9 +81,9 @@ def compared(model: Model, pool: Pool = ONE_THREAD) -> Compared | None:
         own = [one._replace(scores=partial(scores_of, network, network.responses)) for one in asked]
         return answered(network, own, pool)[:, 1] == RIGHT
 
-    encoder = learned.config.encoder
-    references = strengths(query_rates(learned.activity, learned.config), encoder)
-    shown = [strengths(one.block().rates, encoder) for one in asked]
+    direct = learned.config.encoder.direct is not None
+    references = strengths(query_rates(learned.activity, learned.config), direct)
+    shown = [strengths(one.block().rates, direct) for one in asked]
     likest = [
         best(cosine_similarities(references, rates, learned.labels)) == one.places
         for one, rates in zip(asked, shown, strict=True)

@@ -35,8 +35,8 @@ from lava_vpr.cluster.tasks import ONE_THREAD, Pool
 from lava_vpr.config import Config
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.blocks import BLOCK, Block, counted, of_integers
+from lava_vpr.engine.inference.direct import strengths
 from lava_vpr.engine.inference.fixed import FixedNetwork
-from lava_vpr.engine.inference.quantise import burst_rates
 from lava_vpr.engine.inference.surroundings import Shown
 from lava_vpr.engine.random import image_keys, presentation_key, presentation_keys, uniform
 from lava_vpr.engine.rates import query_rates, query_rates16
@@ -323,7 +323,7 @@ def shown_references(stretches: Sequence[Stretch], activity: NDArray[np.float32]
     inputs, views = config.encoder.inputs, len(config.views.views)
     places = sum(part.places for part in stretches) // views
     rates = query_rates16(activity, config.encoder)
-    rates = (rates if config.encoder.direct is None else burst_rates(rates)).reshape(-1, views, places, inputs)
+    rates = strengths(rates, config.encoder.direct is not None).reshape(-1, views, places, inputs)
     return tuple(
         Shown(
             rates[:, part.view, part.first_place : part.first_place + part.places].reshape(-1, inputs),

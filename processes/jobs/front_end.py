@@ -1,8 +1,9 @@
 """The spiking front end in Lava as functions of arrays and options, to be called in a process of their own.
 
 Each takes ``arrays``: ``grey`` uint8 (n, height, width); and ``options``: ``spec``, the settings of `FrontEnd` by name,
-and ``tag``. Where neurons of places hear the cells, ``arrays`` has their ``weights`` and ``bias``, and ``options`` has
-``network``, the scalars of `FixedNetwork`. Each returns every spike of each population by its name, uint8 (n, steps,
+and ``tag``. Where neurons of places hear the cells, ``arrays`` has their ``weights`` and ``bias``, and may have
+``biases`` of each presentation, int32 (n, neurons); ``options`` has ``network``, the scalars of `FixedNetwork`. Each
+returns every spike of each population by its name, uint8 (n, steps,
 neurons).
 """
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.whole import WholeNetwork
+from lava_vpr.engine.presentations import PixelBlock
 from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.isolated.worker import report
 from lava_vpr.processes.base.magma import FIXED_TAG, RunSteps
@@ -40,14 +42,16 @@ def _shown(arrays: Arrays, options: dict[str, Any], library: bool) -> Arrays:
     films = {name: shared_array((n, steps, size), np.uint8) for name, size in spec.populations.items()}
     if not n:
         return films
-    network = FrontEndNetwork(spec=spec, grey=grey[:1] if library else grey)
+    shown = PixelBlock(grey, arrays.get("biases"))
+    first = shown.part(slice(1)) if library else shown
+    network = FrontEndNetwork(spec=spec, grey=first.grey, bias=first.bias)
     for name, film in films.items():
         counter = SpikeCounter(shape=film.shape[2:], presentations=n, interval=steps, raster=film)
         getattr(network, name).connect(counter.s_in)
     config = begin(network, way)
     for number in range(n):
         if library and number:
-            network.write(grey[number], way.floating)
+            network.write(grey[number], None if shown.bias is None else shown.bias[number], floating=way.floating)
         network.run(condition=RunSteps(num_steps=steps), run_cfg=config)
         report(1)
     network.stop()

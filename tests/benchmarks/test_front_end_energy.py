@@ -12,6 +12,7 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.boards.constants import Estimate, total
 from lava_vpr.deploy.cost.front_end import front_end_costs
 from lava_vpr.deploy.mapping.front_end import placed
+from lava_vpr.engine.presentations import PixelBlock
 from lava_vpr.errors import InputError
 from lava_vpr.inputs.front_end import FrontEnd
 
@@ -19,7 +20,7 @@ from lava_vpr.inputs.front_end import FrontEnd
 def test_the_front_end_adds_its_steps_registers_and_static_energy() -> None:
     spec = FrontEnd(16)
     grey = np.random.default_rng(0).integers(0, 256, (2, spec.height, spec.width)).astype(np.uint8)
-    costs = front_end_costs(spec, placed(spec, KAPOHO_BAY), grey)
+    costs = front_end_costs(spec, placed(spec, KAPOHO_BAY), PixelBlock(grey))
     assert costs.dynamic_microjoules is not None
     assert costs.between_microjoules is not None
     assert costs.static_millijoules is not None

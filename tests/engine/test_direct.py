@@ -10,6 +10,7 @@ from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 from support.literal import front_end as literal
 
+from lava_vpr.engine.inference.biases import held_biases
 from lava_vpr.engine.inference.counting import count_spikes
 from lava_vpr.engine.inference.direct import SILENCING
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -38,7 +39,6 @@ def network_of(spec: FrontEnd, seed: int, neurons: int = 9, **changes: int) -> F
         decay=int(rng.integers(0, 4097)),
         steps=spec.ticks,
         regular=True,
-        direct=spec.begin,
         rising=spec.rising,
         rise=int(rng.integers(0, 40)),
     )
@@ -54,6 +54,12 @@ def images(seed: int, spec: FrontEnd) -> NDArray[np.uint8]:
     drawn[1] = 100 + drawn[1] // 8
     drawn[2] = 77
     return drawn.astype(np.uint8)
+
+
+def bias_of_each(whole: WholeNetwork, n: int, seed: int) -> NDArray[np.int32]:
+    """Biases of ``n`` presentations, some above 0 if the membranes decay."""
+    highest, shape = whole.places.highest_bias, (n, whole.places.neurons)
+    return held_biases(np.random.default_rng(seed).integers(-400 << INPUT_SHIFT, highest, shape, endpoint=True))
 
 
 @pytest.mark.quick(1)
@@ -72,8 +78,8 @@ def test_the_kernel_spikes_as_all_populations_do(seed: int, **numbers: int) -> N
     numbers["needed"] = min(numbers["needed"], 2 * numbers["joined"])
     spec = spec_of(**numbers)
     whole = WholeNetwork.of(spec, network_of(spec, seed))
-    shown = images(seed, spec)
-    films, own = literal.trains(whole, shown), whole.trains(shown)
+    shown, given = images(seed, spec), bias_of_each(whole, 3, seed) if seed % 2 else None
+    films, own = literal.trains(whole, shown, given), whole.trains(shown, given)
     assert list(films) == ["clock", "pixels", "filters", "pairs", "onsets", "cells", "pools", "exc", "inh"]
     for name, film in films.items():
         assert np.array_equal(film, own[name]), name
@@ -90,7 +96,7 @@ def test_neurons_spike_in_steps_of_reading_and_are_silent_when_the_next_image_co
 def test_no_bias_that_is_allowed_makes_a_neuron_spike_alone() -> None:
     spec = spec_of(reading=16)
     good = network_of(spec, 1, threshold=500, decay=341, rise=0)
-    most = replace(good, bias=np.full_like(good.bias, good.highest_added << INPUT_SHIFT))
+    most = replace(good, bias=held_biases(np.full_like(good.bias, good.highest_bias)))
     blank, key = np.zeros((1, good.inputs), np.uint16), np.zeros(1, np.uint64)
     assert not count_spikes(most, blank, key)[0].any()
     assert count_spikes(replace(good, bias=2 * most.bias), blank, key)[0].any()
@@ -136,14 +142,12 @@ def test_what_could_not_be_silenced_or_heard_is_refused() -> None:
     replace(many, weights=many.weights[1:]).check()
     with pytest.raises(NetworkLimitError, match="cells and the clock can bring a neuron"):
         replace(many, weights=many.weights[1:], rise=10).check()
-    with pytest.raises(NetworkLimitError, match="a bias is no whole weight"):
-        replace(good, bias=good.bias + 1).check()
-    most = np.full_like(good.bias, good.highest_added << INPUT_SHIFT)
-    replace(good, bias=most).check()
-    with pytest.raises(NetworkLimitError, match="at which a neuron spikes without input"):
-        replace(good, bias=most + (1 << INPUT_SHIFT)).check()
+    with pytest.raises(NetworkLimitError, match="fit no 12 bits and an exponent"):
+        replace(good, bias=good.bias - (1 << 13) - 1).check()
+    with pytest.raises(NetworkLimitError, match="makes its neuron spike without input"):
+        replace(good, bias=held_biases(np.full_like(good.bias, 2 * good.highest_bias))).check()
     with pytest.raises(NetworkLimitError, match="cannot hear cells directly"):
-        replace(good, direct=good.steps).check()
+        replace(good, rising=good.steps).check()
     with pytest.raises(NetworkLimitError, match="does not hear the cells of this front end"):
         WholeNetwork.of(spec_of(levels=13), good)
     with pytest.raises(ConfigError, match="at most 7 spikes"):

@@ -42,20 +42,30 @@ def grey(spec: FrontEnd, images: int) -> NDArray[np.uint8]:
     return np.array([spec.seen(render(World(0), place, "summer")) for place in range(images)])
 
 
-def in_lava(job: str, spec: FrontEnd, shown: NDArray[np.uint8], tag: str = "fixed_pt") -> dict[str, NDArray[np.uint8]]:
+def in_lava(
+    job: str,
+    spec: FrontEnd,
+    shown: NDArray[np.uint8],
+    tag: str = "fixed_pt",
+    bias: NDArray[np.int32] | None = None,
+) -> dict[str, NDArray[np.uint8]]:
     """Every spike of each population."""
     target, arrays = f"lava_vpr.processes.jobs.front_end:{job}", {"grey": shown}
     options: dict[str, Any] = {"spec": settings_of(spec), "tag": tag}
     if isinstance(spec, WholeNetwork):
         arrays |= {"weights": spec.places.weights, "bias": spec.places.bias}
         options["network"] = spec.places.scalars
+    if bias is not None:
+        arrays["biases"] = bias
     return run_isolated(target, arrays, options, timeout=500)
 
 
-def differing(job: str, spec: FrontEnd, images: int, tag: str = "fixed_pt") -> dict[str, int]:
+def differing(
+    job: str, spec: FrontEnd, images: int, tag: str = "fixed_pt", bias: NDArray[np.int32] | None = None
+) -> dict[str, int]:
     """How many spikes of each population differ from the host's, of which every population has some."""
     shown = grey(spec, images)
-    own, found = spec.trains(shown), in_lava(job, spec, shown, tag)
+    own, found = spec.trains(shown, bias), in_lava(job, spec, shown, tag, bias)
     assert all(film.any(axis=(1, 2)).all() for film in own.values())
     return {name: int((film != found[name]).sum()) for name, film in own.items()}
 
@@ -74,13 +84,21 @@ def whole() -> WholeNetwork:
     weights = np.where(channel == np.arange(8), 7, -1).astype(np.int16)
     bias = -np.arange(8, dtype=np.int32) << INPUT_SHIFT
     numbers = {"bits": 3, "signed": True, "threshold": 20, "inhibition": 9, "inhibition_exponent": 4, "decay": 300}
-    steps = {"steps": spec.ticks, "regular": True, "direct": spec.begin, "rising": spec.rising, "rise": 2}
+    steps = {"steps": spec.ticks, "regular": True, "rising": spec.rising, "rise": 2}
     return WholeNetwork.of(spec, FixedNetwork(weights, bias, **numbers, **steps))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("job", ["composed", pytest.param("library", marks=pytest.mark.slow)])
 def test_neurons_that_hear_its_cells_spike_as_on_the_host(job: str) -> None:
     assert differing(job, whole(), 2) == dict.fromkeys(whole().populations, 0)
+
+
+@pytest.mark.parametrize("job", ["composed", pytest.param("library", marks=pytest.mark.slow)])
+def test_biases_of_each_presentation_count(job: str) -> None:
+    bias = -40 * np.arange(16, dtype=np.int32).reshape(2, 8)
+    bias[0, 0] = -(1 << 13)  # whose register needs an exponent
+    assert not np.array_equal(whole().trains(grey(whole(), 2), bias)["exc"], whole().trains(grey(whole(), 2))["exc"])
+    assert differing(job, whole(), 2, bias=bias) == dict.fromkeys(whole().populations, 0)
 
 
 @pytest.mark.slow

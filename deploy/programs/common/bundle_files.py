@@ -119,7 +119,7 @@ class Bundle:
     @property
     def direct(self) -> bool:
         """Whether neurons of places hear the cells of a front end: pixels are what queries bring."""
-        return "direct" in self.manifest["network"]
+        return "rising" in self.manifest["network"]
 
     def array(self, name: str) -> Any:
         """The array in a file."""

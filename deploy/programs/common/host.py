@@ -30,6 +30,7 @@ from rungs import Rung, rungs
 from ways import OtherWay, chosen
 
 PIXELS = "host/pixels.npy"
+BIASES = ("biases", "exponents")
 Arrays = Dict[str, np.ndarray]  # rates and keys of queries; biases and exponents, if they have any; or pixels alone
 
 
@@ -131,22 +132,36 @@ def load_queries(bundle: Bundle, folder: str, inputs: int, neurons: int) -> Arra
         Refused: they cannot be read, do not fit the network, or are not those of the table.
     """
     if bundle.direct:
-        pixels = load_array(folder, "pixels")
-        check_pixels(pixels, bundle.array(PIXELS).shape[1:], folder)
-        return {"pixels": pixels}
-    there = [name for name in ("activity", "rates", "biases") if os.path.exists(os.path.join(folder, name + ".npy"))]
+        arrays = {name: load_array(folder, name) for name in ("pixels", *_given(folder))}
+        check_pixels(arrays["pixels"], bundle.array(PIXELS).shape[1:], folder)
+        check_given(arrays, len(arrays["pixels"]), neurons, folder)
+        return arrays
+    there = [name for name in ("activity", "rates", *BIASES[:1]) if os.path.exists(os.path.join(folder, name + ".npy"))]
     if there[:1] == ["activity"]:
         if len(there) > 1:
             remedy = "leave out activity.npy, or all else"
             raise Refused("input", f"{folder}: has activity.npy, of which gains make {there[1]}.npy, too; {remedy}")
         arrays = under_gains(bundle, load_array(folder, "activity"), folder)
     else:
-        names = ("rates", "keys", "biases", "exponents")[: 4 if "biases" in there else 2]
-        arrays = {name: load_array(folder, name) for name in names}
+        arrays = {name: load_array(folder, name) for name in ("rates", "keys", *_given(folder))}
     check_queries(arrays["rates"], arrays["keys"], inputs, folder)
-    if "biases" in arrays:
-        check_biases(arrays["biases"], arrays["exponents"], (len(arrays["keys"]), neurons), folder)
+    check_given(arrays, len(arrays["keys"]), neurons, folder)
     return arrays
+
+
+def _given(folder: str) -> Sequence[str]:
+    """The arrays of queries' own biases, if there are any."""
+    return BIASES if os.path.exists(os.path.join(folder, BIASES[0] + ".npy")) else ()
+
+
+def check_given(arrays: Arrays, n: int, neurons: int, folder: str) -> None:
+    """Refuse biases of ``n`` queries, if they have any, that are not for this network.
+
+    Raises:
+        Refused: they do not fit.
+    """
+    if BIASES[0] in arrays:
+        check_biases(arrays[BIASES[0]], arrays[BIASES[1]], (n, neurons), folder)
 
 
 def answer(host: Host) -> str:

@@ -11,7 +11,7 @@
                                              (n,): mantissas and exponent of each query's biases; or, of a bundle with
                                              gains, Q/activity.npy float32 (n, inputs) alone, of the same images
                                              of a bundle that takes pixels, Q/pixels.npy uint8 (n, rows, columns)
-                                             alone
+                                             in place of rates and keys
     .. --ways W,W                            other ways to ask NxSDK, which --ladder finds and names (LAVA_VPR_WAYS)
     .. --power P                             and P, JSON: power in mW and time, all queries in one run
     .. --simulate                            the registers in numpy, without a board and without NxSDK

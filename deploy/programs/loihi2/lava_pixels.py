@@ -26,7 +26,7 @@ def wire_pixels(arrays: Arrays, parameters: dict[str, Any], biases: dict[str, An
 
     neurons = {}
     for name, own in parameters["populations"].items():
-        neurons[name] = LIFReset(**own | {"shape": tuple(own["shape"]), "bias_mant": biases[name]})
+        neurons[name] = LIFReset(**own | {"shape": tuple(own["shape"]), **biases[name]})
     for one in parameters["synapses"]:
         data, indices, begins = (arrays[f"{one['name']}/{part}"] for part in ROWS)
         source, target, form = neurons[one["source"]], neurons[one["target"]], one["form"]
@@ -42,26 +42,34 @@ class PixelPlayer(CountedRun):
         self.pixels, parameters = arrays["pixels"], options["parameters"]
         populations = parameters["populations"]
         super().__init__(options, seen, len(self.pixels), *populations[COUNTED]["shape"])
-        self.own = {name: np.array(each["bias_mant"]) for name, each in populations.items() if each["bias_mant"] != 0}
-        begin: dict[str, Any] = dict.fromkeys(populations, 0)
+        self.biases = [
+            {"bias_mant": row, "bias_exp": np.full_like(row, exponent)}
+            for row, exponent in zip(arrays.get("biases", ()), arrays.get("exponents", ()), strict=True)
+        ]
+        self.own = {
+            name: {"bias_mant": np.array(each["bias_mant"])}
+            for name, each in populations.items()
+            if each["bias_mant"] != 0
+        }
+        begin: dict[str, dict[str, Any]] = {name: {"bias_mant": 0} for name in populations}
         if not options["scalars"]:  # a Var cannot be set before the first step
-            begin |= {**self.own, SHOWN: self.grey(0)}
+            begin |= self.own | self.shown(0)
             self.own = {}
         self.neurons = wire_pixels(arrays, parameters, begin)
         across(self.neurons[COUNTED].s_out, self.process.s_in, None if self.simulate else "NxToPyAdapter")
         self.start()
 
-    def grey(self, query: int) -> NDArray[np.int32]:
-        """The mantissas of the pixels' biases."""
-        return self.pixels[query].reshape(-1).astype(np.int32)
+    def shown(self, query: int) -> dict[str, dict[str, NDArray[np.int32]]]:
+        """What is written for a query, by population: biases of pixels and, if it has any, of the neurons of places."""
+        pixels = {SHOWN: {"bias_mant": self.pixels[query].reshape(-1).astype(np.int32)}}
+        return {**pixels, COUNTED: self.biases[query]} if self.biases else pixels
 
     def present(self, start: int, end: int) -> NDArray[np.int32]:
         """Counts of the queries ``start`` .. ``end`` - 1."""
         for query in range(start, end):
             self.go(self.interval)
-            if query + 1 < len(self.pixels):
-                write(self.neurons[SHOWN], {"bias_mant": self.grey(query + 1)})
-            for name, mantissas in self.own.items():
-                write(self.neurons[name], {"bias_mant": mantissas})
+            following = self.shown(query + 1) if query + 1 < len(self.pixels) else {}
+            for name, values in (self.own | following).items():
+                write(self.neurons[name], values)
             self.own = {}
         return self.covered(start, end)

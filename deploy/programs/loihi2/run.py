@@ -9,7 +9,8 @@
                                              if there are, Q/biases.npy int32 (n, neurons) and Q/exponents.npy int32
                                              (n,): mantissas and exponent of each query's biases; or, of a bundle with
                                              gains, Q/activity.npy float32 (n, inputs) alone, of the same images;
-                                             of one whose self-test has host/pixels.npy, Q/pixels.npy alone, uint8
+                                             of one whose self-test has host/pixels.npy, Q/pixels.npy uint8 in
+                                             place of rates and keys
     .. --ways W,W                            other ways to ask Lava, which --ladder finds and names (LAVA_VPR_WAYS)
     .. --power P                             and P, JSON: power in mW and time, all queries in one run
 

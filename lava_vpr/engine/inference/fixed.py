@@ -33,7 +33,7 @@ from lava_vpr.engine.inference.direct import SILENCING
 from lava_vpr.engine.inference.fixed_kernels import KernelNumbers, add_weighted, laid_out
 from lava_vpr.engine.presentations import check_array
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.inputs.front_end import BURST
+from lava_vpr.inputs.front_end import BURST, BURST_STEPS
 from lava_vpr.loihi import (
     CORE_AXONS,
     DECAY_UNITY,
@@ -54,7 +54,7 @@ SCALARS = (
 """The scalar fields of every `FixedNetwork`, all but weights and biases; files use the same names. Only one that hears
 cells directly has `OF_DIRECT`, too."""
 
-OF_DIRECT = ("direct", "rising", "rise")
+OF_DIRECT = ("rising", "rise")
 
 FAN_IN = CORE_AXONS
 """Neurons that one inhibitory neuron can listen to: each needs an input axon of its core."""
@@ -106,9 +106,8 @@ class FixedNetwork:
         regular: Whether inputs spike regularly (`engine.inference.biases`) instead of by Poisson draws.
         bias_input: Whether regular inputs are compartments of the chip, which integrate a bias; else all input spikes
             are injected.
-        direct: The step in which ``bias`` comes, once, as a current, where the network hears the cells of a front end
-            themselves (`lava_vpr.engine.inference.direct`); 0: inputs have rates.
-        rising, rise: The step from which on every step of such a network adds to all currents, and how much.
+        rising, rise: Where the network hears the cells of a front end themselves (`lava_vpr.engine.inference.direct`),
+            the step from which on every step adds to all currents, and how much; 0: inputs have rates.
         model: The neuron model (`lava_vpr.neurons.models`); boards, Processes and other formats have ``lif`` alone.
     """
 
@@ -123,7 +122,6 @@ class FixedNetwork:
     steps: int
     regular: bool = False
     bias_input: bool = False
-    direct: int = 0
     rising: int = 0
     rise: int = 0
     model: str = LIF.name
@@ -145,6 +143,16 @@ class FixedNetwork:
                 raise NetworkLimitError(f"{name} {numbers[name]} is neither 0 nor 1; train the model again")
             numbers[name] = bool(numbers[name])
         return cls(weights, bias, **numbers)
+
+    @property
+    def direct(self) -> bool:
+        """Whether neurons hear the cells of a front end themselves."""
+        return self.rising > 0
+
+    @property
+    def bias_steps(self) -> int:
+        """Steps of input that one bias counts for: a membrane that keeps nothing gains it once for all of a burst."""
+        return BURST_STEPS if self.direct else 1
 
     @property
     def scalars(self) -> dict[str, int]:
@@ -180,7 +188,7 @@ class FixedNetwork:
     @property
     def input_delay(self) -> int:
         """Steps from an input's spike to the neurons; see `input_delay`."""
-        return input_delay(self.neurons, self.bias_input or self.direct > 0)
+        return input_delay(self.neurons, self.bias_input or self.direct)
 
     @property
     def inhibition_delay(self) -> int:
@@ -243,12 +251,6 @@ class FixedNetwork:
         """The largest bias that training and queries set: `highest_bias` with a unit of decay to spare."""
         return safe_bias(self.threshold, self.decay)
 
-    @property
-    def highest_added(self) -> int:
-        """The largest bias, in units of the weights, with which no neuron that hears cells directly spikes alone: as a
-        current it lasts, and a membrane decays to what it gains in 1 / dv of its steps."""
-        return self.threshold * self.decay // DECAY_UNITY
-
     @cached_property
     def prepared(self) -> Prepared:
         """The network as the kernel reads it, made once.
@@ -266,7 +268,6 @@ class FixedNetwork:
             inhibition_delay=self.inhibition_delay,
             leaf=FAN_IN if self.leaves else 0,
             regular=self.regular,
-            direct=self.direct,
             rising=self.rising,
             rise=np.int32(self.rise),
         )
@@ -340,10 +341,9 @@ class FixedNetwork:
         ):
             if not lowest <= (value := getattr(self, name)) <= highest:
                 raise NetworkLimitError(f"{name} {value} does not fit {lowest}..{highest}; {remedy}")
+        check_bias(self.bias, self.highest_bias)
         if self.direct:
             self._check_direct()
-        else:
-            check_bias(self.bias, self.highest_bias)
         for name, need in zip(("weights above 0", "weights below 0 and inhibition"), self.extremes, strict=True):
             if need >= limit:
                 raise NetworkLimitError(
@@ -354,20 +354,14 @@ class FixedNetwork:
     def _check_direct(self) -> None:
         """Refuse a network that hears cells directly, but could not be silenced, or listened to."""
         risen = self.rise * (self.steps - self.rising)
-        most, added = (BURST - 1) * self.sums[0] + risen, self.bias >> INPUT_SHIFT
-        if self.leaves or not self.direct < self.rising < self.steps:
+        most = (BURST - 1) * self.sums[0] + risen
+        if self.leaves or not self.rising < self.steps:
             raise NetworkLimitError(
                 f"{self.neurons:,} neurons in {self.steps} steps cannot hear cells directly; learn fewer than "
                 f"{FAN_IN:,} places, or with --input frontend"
             )
-        if most + int(added.max(initial=0)) >= SILENCING or int(np.abs(added).max(initial=0)) > SILENCING:
+        if most >= SILENCING:
             raise NetworkLimitError(
-                f"cells and the clock can bring a neuron {most:,} and its bias {int(np.abs(added).max(initial=0)):,}, "
-                f"but the clock takes {SILENCING:,} to silence it; use fewer weight bits or a lower "
-                "encoder.read_threshold"
-            )
-        if (added << INPUT_SHIFT != self.bias).any() or int(added.max(initial=0)) > self.highest_added:
-            raise NetworkLimitError(
-                f"a bias is no whole weight, or above {self.highest_added:,}, at which a neuron spikes without input; "
-                "train the model again"
+                f"cells and the clock can bring a neuron {most:,}, but the clock takes {SILENCING:,} to silence it; "
+                "use fewer weight bits or a lower encoder.read_threshold"
             )

@@ -24,7 +24,7 @@ class KernelNumbers(NamedTuple):
     ``threshold`` is in units of v, ``lateral`` in units of the input sum, ``keep`` what a membrane keeps in units of
     2^-12. ``steps`` are those with input, ``total`` also those without; ``input_delay`` and ``inhibition_delay`` are in
     steps. A leaf listens to ``leaf`` neurons (0: there are none). Inputs spike regularly or by Poisson draws;
-    ``direct``, ``rising`` and ``rise`` are the network's.
+    ``rising`` and ``rise`` are the network's.
     """
 
     threshold: np.int32
@@ -36,7 +36,6 @@ class KernelNumbers(NamedTuple):
     inhibition_delay: int
     leaf: int
     regular: bool
-    direct: int = 0
     rising: int = 0
     rise: np.int32 = np.int32(0)
 

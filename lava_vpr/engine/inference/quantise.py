@@ -20,7 +20,7 @@ from lava_vpr.engine.inference.fixed import FixedNetwork, silent_steps
 from lava_vpr.engine.inference.surroundings import Shown, surroundings
 from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.encoder import EncoderConfig
-from lava_vpr.inputs.front_end import BURST, FrontEnd
+from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.loihi import (
     BIAS_BITS,
     BIAS_EXPONENT_LIMIT,
@@ -35,8 +35,6 @@ Weight = TypeVar("Weight", np.float32, np.float64)
 TOP_PERCENTILE = 99.9
 """Percentile of the magnitudes of all weights, zeros included, that becomes the largest integer weight."""
 
-BURST_STEPS = 10
-"""Steps of the race in which nearly all spikes of cells fall."""
 RISE = 0.1
 """What the clock adds in a step of reading where neurons hear cells directly, in thresholds."""
 
@@ -153,6 +151,11 @@ def biases_of(drives: NDArray[np.float64], highest: int) -> NDArray[np.int32]:
     return held_biases(wanted.astype(np.int64))
 
 
+def subtracting(network: FixedNetwork, drives: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Biases of ``network`` that subtract ``drives`` (..., neurons), in weight units a step; see `biases_of`."""
+    return biases_of(drives * network.bias_steps, network.safe_bias)
+
+
 def check_steps(network: LifNetwork, neurons: int) -> int:
     """The silent steps of a presentation to ``neurons`` neurons.
 
@@ -176,7 +179,8 @@ def quantise(
         weights: Of norm 1.
         network: Settings.
         shown: The references, stretch after stretch; together they hold all neurons.
-        encoder: Settings of the inputs, which neurons may hear directly (`burst_rates`); None: inputs have rates.
+        encoder: Settings of the inputs, cells that neurons may hear directly: then rates are
+            `lava_vpr.engine.rates.strengths`; None: inputs have rates.
     Raises:
         ConfigError: no reference drives its neuron more than the others do, or a presentation would have silent steps
             only.
@@ -193,18 +197,11 @@ def quantise(
         )
     if encoder is None or encoder.direct is None:
         fixed = scaled(network, integers, unit)
-        fixed = replace(fixed, bias=biases_of(drives, fixed.safe_bias))
     else:
         fixed = heard_directly(network, integers, unit, encoder, encoder.direct)
-        added = np.minimum(-np.rint(drives * BURST_STEPS), fixed.highest_added).astype(np.int32)
-        fixed = replace(fixed, bias=added << INPUT_SHIFT)
+    fixed = replace(fixed, bias=subtracting(fixed, drives))
     fixed.check()
     return fixed
-
-
-def burst_rates(bursts: NDArray[np.uint16]) -> NDArray[np.uint16]:
-    """Rates in units of 1 / `RATE_UNIT` that bring in `BURST_STEPS` steps as many spikes as ``bursts`` have."""
-    return (bursts % BURST * (RATE_UNIT // BURST_STEPS)).astype(np.uint16)
 
 
 def heard_directly(
@@ -235,7 +232,6 @@ def heard_directly(
         decay=NO_MEMORY_DECAY,
         steps=front_end.ticks,
         regular=True,
-        direct=front_end.begin,
         rising=front_end.rising,
         rise=round(RISE * threshold),
     )

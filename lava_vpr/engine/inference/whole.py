@@ -18,7 +18,7 @@ from lava_vpr.engine.inference.direct import SILENCING
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import NetworkLimitError
 from lava_vpr.inputs.front_end import BURST, FrontEnd
-from lava_vpr.loihi import INPUT_SHIFT, NO_MEMORY_DECAY, THRESHOLD_LIMIT
+from lava_vpr.loihi import NO_MEMORY_DECAY, THRESHOLD_LIMIT
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -49,12 +49,7 @@ class WholeNetwork(FrontEnd):
             NetworkLimitError: the network is of another front end.
         """
         cells = spec.populations["cells"]
-        if (network.inputs, network.steps, network.direct, network.rising) != (
-            cells,
-            spec.ticks,
-            spec.begin,
-            spec.rising,
-        ):
+        if (network.inputs, network.steps, network.rising) != (cells, spec.ticks, spec.rising):
             raise NetworkLimitError("the network does not hear the cells of this front end; train the model again")
         return cls(**settings_of(spec), network=network, counted=counted)
 
@@ -81,7 +76,7 @@ class WholeNetwork(FrontEnd):
 
         network = self.places
         found = {
-            "exc": NeuronGroup(network.neurons, network.threshold, du=0, dv=network.decay),
+            "exc": NeuronGroup(network.neurons, network.threshold, *network.bias_registers, du=0, dv=network.decay),
             "inh": NeuronGroup(1, 0, du=NO_MEMORY_DECAY, dv=0),
         }
         return found | ({"counters": NeuronGroup(network.neurons, THRESHOLD_LIMIT - 1)} if self.counted else {})
@@ -93,7 +88,6 @@ class WholeNetwork(FrontEnd):
         network, ones = self.places, np.ones((1, self.places.neurons), np.int64)
         clock = np.zeros((network.neurons, self.populations["clock"]), np.int64)
         clock[:, network.rising - 1 : network.steps - 1] = network.rise
-        clock[:, network.direct - 1] += network.bias >> INPUT_SHIFT
         clock[:, network.steps - 1 :] -= SILENCING // 2
         made = {
             ("clock", "exc"): clock,
@@ -106,14 +100,15 @@ class WholeNetwork(FrontEnd):
             found["exc", "counters"] = COUNTED * identity(network.neurons, np.int64, "csr")
         return found
 
-    def trains(self, grey: NDArray[np.uint8]) -> dict[str, NDArray[np.uint8]]:
-        """See `FrontEnd.trains`."""
+    def trains(self, grey: NDArray[np.uint8], bias: NDArray[np.int32] | None = None) -> dict[str, NDArray[np.uint8]]:
+        """See `FrontEnd.trains`; biases are int32 (n, neurons), by default the network's."""
         films = super().trains(grey)
         cells, step = films["cells"], np.arange(self.steps)[:, None]
         spikes = cells.sum(axis=1, dtype=np.uint16)
         first = np.where(cells > 0, step, self.steps).min(axis=1)
         bursts = np.where(spikes > 0, first * BURST + spikes, 0).astype(np.uint16)
-        _, _, films["exc"] = counting.count_spikes(self.places, bursts, np.zeros(len(grey), np.uint64), raster=True)
+        keys = np.zeros(len(grey), np.uint64)
+        _, _, films["exc"] = counting.count_spikes(self.places, bursts, keys, bias=bias, raster=True)
         films["inh"] = counting.inhibitory_spikes(self.places, films["exc"])
         if self.counted:
             films["counters"] = np.zeros_like(films["exc"])

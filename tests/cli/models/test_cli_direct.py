@@ -53,7 +53,7 @@ def test_every_place_is_recognised_and_the_file_keeps_it(direct: Path) -> None:
     model = integer_model(load(direct), "the test")
     spec = model.config.encoder.direct
     assert spec is not None
-    assert (model.network.interval, model.network.direct) == (spec.steps, spec.begin) == (49, 22)
+    assert (model.network.interval, model.network.rising) == (spec.steps, spec.rising) == (49, 36)
     queries = encode_traverse(open_traverse("query"), model.config.encoder, Keep.GREY)
     counts = counts_of(WholeNetwork.of(spec, model.network), queries.kept(Keep.GREY, "the test"))
     assert counts.argmax(axis=1).tolist() == list(range(PLACES))
@@ -96,6 +96,25 @@ def test_a_bundle_for_loihi_2_counts_as_the_host_from_its_files_alone(direct: Pa
     assert backends["bundle"]["spikes_decided"] > 0
 
 
+def test_neurons_that_hear_cells_adapt(direct: Path) -> None:
+    """Their biases follow the counts of cells, alike on every backend, and in batches as one query after another."""
+    run("eval", "d.lvpr", "query", "--adapt", "3", "--json", "e.json")
+    assert json.loads(Path("e.json").read_text())["adapted"]["contrast"]["recall_at_1"] == 1
+    adapted = answers("--adapt", "1")
+    assert [row["confidence"] for row in adapted] != [row["confidence"] for row in answers("--adapt", "off")]
+    assert answers("--adapt", "1", "--backend", "bundle") == adapted
+    robot = Localizer(load(direct), adapt=1.0)
+    found = [robot.update(image) for image in open_traverse("query").images()]
+    assert [repr(one.confidence) for one in found] == [row["confidence"] for row in adapted]
+    run("verify", "d.lvpr", "query", "--limit", "4", "--adapt", "1", "--backend", "bundle", "--json", "v.json")
+    compared = json.loads(Path("v.json").read_text())["backends"]["bundle"]
+    assert (compared["equal"], compared["spikes_decided"] > 0) == (True, True)
+    run("bench", "d.lvpr", "query", "--backend", "host", "--adapt", "1", "--json", "b.json", "--limit", "3")
+    energy = json.loads(Path("b.json").read_text())["energy"]
+    plain, more = (energy[name]["dynamic_microjoules"]["nominal"] for name in ("kapoho-bay", "kapoho-bay, adapted"))
+    assert plain < more < 1.01 * plain
+
+
 def test_bench_counts_pixels_to_places(direct: Path) -> None:
     run("bench", "d.lvpr", "query", "--backend", "host", "--json", "b.json", "--limit", "3")
     values = json.loads(Path("b.json").read_text())
@@ -113,8 +132,10 @@ def test_bench_counts_pixels_to_places(direct: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("eval", "d.lvpr", "query", "--adapt", "5"), f"--adapt needs rates of inputs, but {ELSEWHERE}; train with"),
-        (("eval", "d.lvpr", "query", "--learn", "--motion", "any"), f"--learn needs rates of inputs, but {ELSEWHERE}"),
+        (
+            ("eval", "d.lvpr", "query", "--learn", "--motion", "any"),
+            f"--learn needs rates of inputs, but {ELSEWHERE}; train with --input frontend",
+        ),
         pytest.param(
             ("eval", "d.lvpr", "query", "--backend", "lava-fused"),
             f"lava-fused takes inputs that have rates, but {ELSEWHERE}",
@@ -159,8 +180,8 @@ def test_a_bundle_of_another_network_is_refused(direct: Path) -> None:
         ({core: array_bytes(words)}, {}, core),
         ({"host/counts.npy": array_bytes(np.load("b/host/counts.npy") + 1)}, {}, "host/counts.npy"),
         ({"host/weights.npy": array_bytes(1000 * weights)}, {}, "host/weights.npy: is no network of ours"),
-        ({}, {"direct": 31}, "no valid bias in step 31 where the settings say 22"),
-        ({}, {"direct": 0}, "has direct 0, of 1..46"),
+        ({}, {"rising": 31}, "no valid rising from step 31 where the settings say 36"),
+        ({}, {"rising": 0}, "has rising 0, of 1..46"),
         ({}, {"steps": 60}, "no valid presentations of steps 62 where the settings say 49"),
     ):
         manifest = {**told, "network": {**told["network"], **change}}

@@ -17,6 +17,7 @@ from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.bundle.folder import ReadBundle, array_bytes
 from lava_vpr.deploy.bundle.front_end import check_front_end, front_end_files, front_end_player, held_sentence
+from lava_vpr.engine.presentations import PixelBlock
 from lava_vpr.errors import BundleError
 from lava_vpr.inputs.front_end import FrontEnd
 
@@ -47,7 +48,7 @@ def test_backend_bundle_plays_what_a_bundle_holds(bundle: ReadBundle, monkeypatc
     grey = np.random.default_rng(1).integers(0, 256, (2, SPEC.height, SPEC.width)).astype(np.uint8)
     done, run = [], BACKENDS["bundle"].front_end
     assert run is not None
-    found, expected = list(run(model(), (grey[:1], grey[1:]), done.append)), SPEC.trains(grey)
+    found, expected = list(run(model(), PixelBlock(grey).in_parts(1), done.append)), SPEC.trains(grey)
     assert (done, len(opened)) == ([1, 1], 1)
     assert [list(films) for films in found] == [list(expected)] * 2
     for name, film in expected.items():

@@ -28,7 +28,9 @@ from lava_vpr.deploy.bundle.folder import ReadBundle, array_bytes
 from lava_vpr.deploy.bundle.front_end import held_sentence
 from lava_vpr.deploy.bundle.targets import open_whole
 from lava_vpr.deploy.hardware.table import BELIEFS
+from lava_vpr.engine.inference.biases import bias_registers
 from lava_vpr.engine.inference.whole import WholeNetwork, counts_of
+from lava_vpr.engine.presentations import PixelBlock
 from lava_vpr.errors import BundleError, NetworkLimitError
 from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.model import IntegerModel, integer_model
@@ -43,11 +45,13 @@ def read(spec: WholeNetwork, **changes: bytes) -> ReadBundle:
     return ReadBundle(Path("b"), {"front_end": facts}, files | changes)
 
 
-def played(bundle: ReadBundle, shown: NDArray[np.uint8]) -> Mapping[str, NDArray[np.uint8]]:
+def played(
+    bundle: ReadBundle, shown: NDArray[np.uint8], bias: NDArray[np.int32] | None = None
+) -> Mapping[str, NDArray[np.uint8]]:
     """Every spike of a bundle."""
     play = loihi2_pixels.player(bundle)
     assert play is not None
-    return play(shown)
+    return play(PixelBlock(shown, bias))
 
 
 def equal(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> bool:
@@ -71,8 +75,9 @@ def test_every_spike_of_the_files_is_the_hosts(
     """Of pictures, one after another, in presentations that are filled up to a power of two of steps."""
     spec = FrontEnd(8, levels=levels, race=race, budget=40, reading=reading)
     heard = hearing(spec, seed, inhibition_exponent=exponent, decay=decay)
-    shown = pictures(2, seed, spec)
+    shown, bias = pictures(2, seed, spec), -(np.arange(14, dtype=np.int32).reshape(2, 7) << 8)
     assert equal(played(read(heard), shown), heard.trains(shown))
+    assert equal(played(read(heard), shown, bias), heard.trains(shown, bias))
 
 
 @pytest.mark.parametrize("levels", [20, 37])
@@ -109,8 +114,10 @@ def test_parameters_have_the_names_of_lavas_arguments() -> None:
         **reset,
     }
     assert told["populations"]["clock"]["bias_mant"] == [1] + [0] * SPEC.ticks
+    mantissas, exponent = bias_registers(hearing().places.bias)
     assert told["populations"]["exc"] == {
-        **{"shape": [7], "du": 0, "dv": 4095, "vth": 20, "bias_mant": 0, "bias_exp": 0},
+        **{"shape": [7], "du": 0, "dv": 4095, "vth": 20},
+        **{"bias_mant": mantissas.tolist(), "bias_exp": int(exponent)},
         **reset,
     }
     assert min(one["vth"] for one in told["populations"].values()) == 1
@@ -184,7 +191,7 @@ def whole() -> WholeNetwork:
 def test_backend_bundle_plays_it(written: Path) -> None:
     bundle, opened = open_whole(written)
     shown = bundle.array("host/pixels.npy")[:2]
-    (films,) = front_end_trains(opened, [shown])
+    (films,) = front_end_trains(opened, [PixelBlock(shown)])
     assert equal(films, whole().trains(shown))
     assert films["exc"].any()
 

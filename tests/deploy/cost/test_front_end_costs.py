@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from support.boards.loihi2_bundles import hearing, pictures
 
 from lava_vpr.bench.show.front_end import HEADS, tables
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.cost.front_end import FrontEndCosts, front_end_costs
 from lava_vpr.deploy.mapping.front_end import placed
+from lava_vpr.engine.presentations import PixelBlock
 from lava_vpr.inputs.front_end import FRONT_END, FrontEnd
 from lava_vpr.inputs.front_end_network import populations
 
@@ -28,7 +30,7 @@ def two_edges() -> NDArray[np.uint8]:
 
 
 def counted() -> FrontEndCosts:
-    return front_end_costs(SPEC, placed(SPEC, SMALL), two_edges())
+    return front_end_costs(SPEC, placed(SPEC, SMALL), PixelBlock(two_edges()))
 
 
 EVENTS_SPEC = FrontEnd(width=8, levels=16, white=12, pixel_octaves=3.0, window=8)
@@ -38,7 +40,8 @@ EVENTS_SPEC = FrontEnd(width=8, levels=16, white=12, pixel_octaves=3.0, window=8
 def test_events_of_each_layer_are_those_that_its_spikes_make(spec: FrontEnd) -> None:
     """One after the other: a spike reaches every target of its neuron in the step after, once a core as a message."""
     shown = two_edges() if spec is SPEC else np.minimum(two_edges().repeat(2, 1).repeat(2, 2) // 30, 8).astype(np.uint8)
-    films, plan, found = spec.trains(shown), placed(spec, SMALL), front_end_costs(spec, placed(spec, SMALL), shown)
+    films, plan = spec.trains(shown), placed(spec, SMALL)
+    found = front_end_costs(spec, plan, PixelBlock(shown))
     if spec.window:
         films["events"] = spec.events(shown).astype(np.uint8)
         assert found.registers["events"] == round(films["events"].sum() / 2) > 0
@@ -104,7 +107,7 @@ def test_energies_and_times_are_events_times_constants() -> None:
 
 
 def test_a_board_without_public_constants_is_counted_and_resets_by_itself() -> None:
-    found = front_end_costs(SPEC, placed(SPEC, LOIHI_2), two_edges())
+    found = front_end_costs(SPEC, placed(SPEC, LOIHI_2), PixelBlock(two_edges()))
     assert found.registers["clearing of states"] == 0
     assert found.milliseconds is None
     layers, besides = tables(found)
@@ -112,6 +115,20 @@ def test_a_board_without_public_constants_is_counted_and_resets_by_itself() -> N
     assert layers.columns[1:] == HEADS
     assert layers.rows[-1][0] == "all"
     assert len(besides.rows) == 4
+
+
+def test_biases_of_an_adapted_query_are_written_before_it() -> None:
+    whole = hearing()
+    shown, bias = pictures(2, spec=whole), np.full((2, 7), -(1 << 12), np.int32)
+    each = (PixelBlock(shown), PixelBlock(shown, bias))
+    plain, adapted = (front_end_costs(whole, placed(whole, KAPOHO_BAY), one) for one in each)
+    assert adapted.registers == {**plain.registers, "biases of exc": 2 * 7 + 1}
+    spikes = [one.layers["exc"].spikes for one in (plain, adapted)]
+    assert spikes == [whole.trains(*one)["exc"].sum() / 2 for one in each]
+    assert spikes[0] != spikes[1]
+    assert adapted.packets == plain.packets + 1
+    assert adapted.between_milliseconds is not None
+    assert adapted.between_milliseconds["biases of exc"].low > 0
 
 
 def test_accesses_are_most_of_what_the_default_front_end_takes() -> None:

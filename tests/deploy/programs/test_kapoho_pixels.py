@@ -14,6 +14,7 @@ from support.boards.kapoho_board import Board, climb_here, edited
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.folder import array_bytes
 from lava_vpr.deploy.bundle.front_end import front_end_files
+from lava_vpr.engine.inference.biases import bias_registers, held_biases
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.whole import WholeNetwork, counts_of
 from lava_vpr.inputs.front_end import FrontEnd
@@ -40,10 +41,9 @@ def network(neurons: int = 7) -> FixedNetwork:
         threshold=60,
         inhibition=9,
         inhibition_exponent=4,  # 144: in two synapses
-        decay=341,
+        decay=4095,
         steps=SPEC.ticks,
         regular=True,
-        direct=SPEC.begin,
         rising=SPEC.rising,
         rise=1,
     )
@@ -71,11 +71,27 @@ def made(tmp_path: Path) -> Made:
     return written
 
 
-def asked(folder: Path, shown: NDArray[np.uint8]) -> Path:
-    """A folder of queries."""
+def asked(folder: Path, shown: NDArray[np.uint8], bias: NDArray[np.int32] | None = None) -> Path:
+    """A folder of queries, with biases if they have their own."""
     folder.mkdir()
     np.save(folder / "pixels.npy", shown)
+    for name, array in zip(("biases", "exponents"), () if bias is None else bias_registers(bias), strict=False):
+        np.save(folder / f"{name}.npy", array)
     return folder
+
+
+@pytest.mark.parametrize("simulate", [True, False])
+def test_biases_of_each_query_are_written(board: Board, made: Made, tmp_path: Path, simulate: bool) -> None:
+    words = ["--simulate"] if simulate else ["--batch", "2"]
+    shown, whole = pictures(3, seed=9), WholeNetwork.of(SPEC, made.network)
+    bias = held_biases(np.random.default_rng(4).integers(-3000, made.network.highest_bias, (3, 7)))
+    ended = board.run(made, "--queries", asked(tmp_path / "q", shown, bias), "--out", tmp_path / "r", *words)
+    assert (ended.code, ended.err) == (0, "")
+    counts, _, _ = answers(tmp_path / "r")
+    assert np.array_equal(counts, whole.trains(shown, bias)["exc"].sum(axis=1, dtype=np.int32))
+    assert not np.array_equal(counts, counts_of(whole, shown))
+    ended = board.run(made, "--queries", asked(tmp_path / "few", shown, bias[:2]), "--out", tmp_path / "s", *words)
+    assert "biases.npy is int32 (2, 7), but must be int32 (3, 7)" in ended.err
 
 
 @pytest.mark.parametrize("simulate", [True, False])

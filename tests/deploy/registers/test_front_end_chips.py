@@ -12,6 +12,7 @@ from support.literal import front_end as literal
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.mapping.front_end_images import FrontEndImages, front_end_images
 from lava_vpr.deploy.registers.front_end import FrontEndChips
+from lava_vpr.engine.presentations import PixelBlock
 from lava_vpr.errors import ModelFileError
 from lava_vpr.inputs.front_end import FrontEnd
 
@@ -37,7 +38,7 @@ def test_every_spike_of_every_population_is_the_general_simulators(
     made = front_end_images(SPEC, replace(KAPOHO_BAY, compartments=compartments), taken)
     assert not {(core.chip, core.core) for core in made.cores} & set(taken)
     grey = shown(SPEC)
-    films, expected = chips(made).present(grey), literal.trains(SPEC, grey)
+    films, expected = chips(made).present(PixelBlock(grey)), literal.trains(SPEC, grey)
     assert list(films) == list(expected)
     for name, film in expected.items():
         assert film[:2].any(), name
@@ -46,4 +47,4 @@ def test_every_spike_of_every_population_is_the_general_simulators(
 
 def test_spikes_that_are_on_their_way_at_the_end_are_refused() -> None:
     with pytest.raises(ModelFileError, match=r"^presentation 0: \d+ spikes are still on their way after its last step"):
-        chips(front_end_images(SPEC, KAPOHO_BAY, ()), SPEC.levels).present(shown(SPEC))
+        chips(front_end_images(SPEC, KAPOHO_BAY, ()), SPEC.levels).present(PixelBlock(shown(SPEC)))

@@ -73,7 +73,6 @@ def hearing(spec: FrontEnd = SPEC, seed: int = 2, neurons: int = 7, **changes: A
         decay=4095,
         steps=spec.ticks,
         regular=True,
-        direct=spec.begin,
         rising=spec.rising,
         rise=1,
     )
