@@ -187,7 +187,7 @@ class Localizer:
             self._answerer.filter.check_odometry(odometry)
         seen = encode_arrays([image], model.config.encoder, self._views, **how, framing=self._framing)
         shown = self._asker.presentations(seen)
-        counts = summed(self._backend.count_spikes(self._model, shown)[0], self._asking.views)
+        counts = summed(self._backend.count_spikes(self._asker.model, shown)[0], self._asking.views)
         rates = strengths(shown.seen[:1], model.config.encoder.direct is not None)
         moving = None if self._motion == NONE else self._moving.moving(rates)
         stamps = None if stamp is None else np.array([stamp], np.float64)

@@ -88,7 +88,7 @@ def in_turn(
     scores_of, first, shown = prepare(model), 0, asker.in_turn(batches)
     doubts = Doubts(likeness_of(model), framed=asker.asking.crop != NO_CROP)
     while group := list(islice(shown, calls)):
-        counts, _ = backend.count_spikes(model, Presentations.joined([asked for _, asked in group]))
+        counts, _ = backend.count_spikes(asker.model, Presentations.joined([asked for _, asked in group]))
         ends = np.cumsum([len(asked.rates) for _, asked in group])
         for of_batch, (seen, asked) in zip(np.split(counts, ends[:-1]), group, strict=True):
             some = summed(of_batch, asker.asking.views)

@@ -30,7 +30,7 @@ from lava_vpr.inputs.views import View, ViewsConfig
 from lava_vpr.matching.answers import Answers, Together
 from lava_vpr.matching.forward_filter import NONE
 from lava_vpr.matching.probability import Calibration
-from lava_vpr.model import Model, as_integer, integer_model
+from lava_vpr.model import IntegerModel, Model, as_integer, integer_model
 from lava_vpr.season.file import check_season
 from lava_vpr.season.table import GainTable, Used
 
@@ -52,6 +52,7 @@ class Asking:
         season: What was learned before; None: nothing.
         replay: What the queries are presented with, gains and biases, in place of all that follows from queries or
             answers before; None: nothing is known of them.
+        written: Whether what they are presented with is written, to be replayed.
     """
 
     views: int = 1
@@ -61,6 +62,7 @@ class Asking:
     learn: bool = False
     season: Season | None = None
     replay: GainTable | None = None
+    written: bool = False
 
     @classmethod
     def wanted(cls, views: int = 1, adapt: float | str | None = MODELS, crop: str = NO_CROP) -> Asking:
@@ -98,11 +100,8 @@ class Asking:
         if option is None:
             return
         integer = integer_model(model, option)
-        if model.config.encoder.direct is not None and self.gained:
-            raise ConfigError(
-                f"{option} needs rates of inputs, but these neurons hear the cells of the front end themselves; train "
-                "with --input frontend"
-            )
+        if model.config.encoder.direct is not None:
+            self._check_heard(integer)
         if self.season is not None:
             check_season(self.season, integer)
         if self.replay is not None:
@@ -116,6 +115,21 @@ class Asking:
         if not integer.network.signed:
             raise ConfigError(
                 f"{option} needs neurons with biases, which signed weights have; train with network.signed"
+            )
+
+    def _check_heard(self, model: IntegerModel) -> None:
+        """Refuse what ``model``, whose neurons hear the cells of a front end themselves, cannot be asked: gains are in
+        its weights."""
+        if self.replay is not None or self.written:
+            raise ConfigError(
+                f"{'--gains' if self.written else '--replay'} needs rates of inputs, but these neurons hear the cells "
+                "of the front end themselves; write a map with the gains in its weights: lava-vpr season MODEL FILE "
+                "--apply MAP"
+            )
+        if self.gained and model.learned.size == 0:
+            raise ConfigError(
+                "a bundle keeps no float weights to multiply by gains, and these neurons hear the cells of the front "
+                "end themselves; use the model file that was deployed"
             )
 
     def check_length(self, queries: int) -> None:
@@ -172,6 +186,11 @@ class Asker:
             self._adaptation = Adaptation(integer_model(model, "--adapt").network, asking.adapt)
 
     @property
+    def model(self) -> Model:
+        """The model that the last `presentations` are for: the one that is asked, or its weights under gains."""
+        return self._model if self.learner is None else self.learner.model
+
+    @property
     def season(self) -> Season | None:
         """What is known of the season; None: all inputs count alike."""
         return None if self.learner is None else self.learner.season
@@ -203,8 +222,8 @@ class Asker:
 
     def used(self, shown: Presentations, queries: int) -> Used | None:
         """What so many ``queries`` of the last `presentations` are ``shown`` with; None where inputs have no gains, or
-        these are replayed."""
-        if self.learner is None or shown.bias is None:
+        these are replayed, or in the weights."""
+        if self.learner is None or shown.bias is None or self.learner.model.network.direct:
             return None
         return Used(self.learner.season.gains, shown.bias[:queries], image_keys(shown.seen[:queries]))
 

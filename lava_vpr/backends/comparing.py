@@ -169,6 +169,8 @@ class GainedQueries(NamedTuple):
     def of(cls, model: Model, asking: Asking, views: Sequence[EncodedTraverse]) -> GainedQueries | None:
         """Those of queries in each of their views; None where inputs have no gains."""
         n, encoder = len(views[0]), model.config.encoder
+        if encoder.direct is not None:  # gains are in the weights
+            return None
         if asking.replay is not None:
             gains, epoch = asking.replay.gains, asking.replay.epoch[:n]
         elif asking.season is not None:

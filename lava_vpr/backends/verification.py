@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -146,11 +147,10 @@ class HostRun:
             InputError: no excitatory neuron spikes for a query, so its comparison would be empty.
         """
 
-        def presented(views: Sequence[EncodedTraverse]) -> Presentations:
-            return Asker(model, asking, seed).presentations(views)
-
-        queries, shown = views[0], presented(views)
-        images = queries.names * asking.views
+        presented = partial(_presented, model, asking, seed)
+        asker = Asker(model, asking, seed)
+        queries, shown = views[0], asker.presentations(views)
+        model, images = asker.model, queries.names * asking.views
         trains = None if as_integer(model) is None else host.trains(model, shown)
         counts, _ = host.count_spikes(model, shown)
         silent = np.flatnonzero(summed(counts, asking.views).sum(axis=1) == 0)
@@ -169,6 +169,11 @@ class HostRun:
         recall = recall_at_1(model, counts, truth)
         verdict = Verdict("host", None, True, len(queries), compared, recall=recall, gained=products)
         return cls(model, shown, images, truth, trains, front_end, gained, verdict)
+
+
+def _presented(model: Model, asking: Asking, seed: int | None, views: Sequence[EncodedTraverse]) -> Presentations:
+    """Presentations of queries in each of their ``views``, the first of a drive."""
+    return Asker(model, asking, seed).presentations(views)
 
 
 def verify(

@@ -266,7 +266,8 @@ class Learning:
             ModelFileError: a file cannot be used.
         """
         asking = self.replayed(asking)
-        return replace(asking, learn=self.learn, season=None if self.season is None else load_season(self.season))
+        season = None if self.season is None else load_season(self.season)
+        return replace(asking, learn=self.learn, season=season, written=self.gains is not None)
 
     def replayed(self, asking: Asking) -> Asking:
         """``asking`` as it was presented before, if that is replayed.

@@ -100,10 +100,13 @@ class Adaptation:
         network: The network, signed.
         tau: Time constant in queries, at least 1.
         start: `mean` where an earlier traverse ended; None: those of the references.
+
+    Attributes:
+        network: The network whose biases are made; its weights may change, its inputs stay.
     """
 
     def __init__(self, network: FixedNetwork, tau: float, start: NDArray[np.float64] | None = None) -> None:
-        self._network, self._motion = network, Motion()
+        self.network, self._motion = network, Motion()
         self._mean = RunningMean(unseen(network.inputs) if start is None else start, tau)
 
     @property
@@ -118,7 +121,7 @@ class Adaptation:
     def means(self, rates: NDArray[np.uint16]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Mean rates before each of the next queries, with the share of the start, float64 (n, inputs + 1); which of
         the queries count, bool (n,)."""
-        rates = strengths(rates, self._network.direct)
+        rates = strengths(rates, self.network.direct)
         values = np.pad(rates, ((0, 0), (0, 1))).astype(np.float64)  # the start is never seen again
         means, counted = np.empty_like(values), self._motion.moving(rates)
         for i, value in enumerate(values):
@@ -131,8 +134,8 @@ class Adaptation:
     def taking_off(self, means: NDArray[np.float64]) -> NDArray[np.int32]:
         """Biases int32 (n, neurons) that subtract the drive of ``means``."""
         shown, start = np.rint(means[:, :-1]).astype(np.uint16), means[:, -1:]
-        own = self._network.bias / (self._network.bias_steps << INPUT_SHIFT)
-        return subtracting(self._network, self._network.drives(shown) / RATE_UNIT - start * own)
+        own = self.network.bias / (self.network.bias_steps << INPUT_SHIFT)
+        return subtracting(self.network, self.network.drives(shown) / RATE_UNIT - start * own)
 
     def _news(self, value: NDArray[np.float64]) -> bool:
         """Whether a query overlaps by at most `FAMILIAR` with the mean of the previous queries, from which the start is
