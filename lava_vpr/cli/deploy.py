@@ -176,9 +176,9 @@ def deploy(
     outputs = Outputs((json_path,), folders=(output,), read=(season, replay), model=model_path, images=images.sources)
     found = lif_model(open_model(model_path), board.title, model_path, direct=True)
     if found.network.direct:
-        others = {"--season": season, "--replay": replay, "--learning": learning, "--dense-rows": dense_rows}
+        others = {"--replay": replay, "--learning": learning, "--dense-rows": dense_rows}
         check_as_learned(model_path, {**changes._asdict(), "--calibrate": images.calibrate, **others})
-        return _direct(found, board, output, json_path)
+        return _direct(integer_model(applied(found, season)[0], "deploy"), board, output, json_path)
     model, _ = applied(found, season)
     table = None if replay is None else load_table(replay)
     calibration = images.of(model, outputs)

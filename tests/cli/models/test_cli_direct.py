@@ -11,15 +11,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.common.commands import PLACES, fails, run
+from support.common.teaching import teach_quickly
 
+from lava_vpr.backends.asking import Asker, Asking
 from lava_vpr.deploy.bundle import folder as bundle_folder
 from lava_vpr.deploy.bundle.folder import array_bytes
 from lava_vpr.deploy.bundle.targets import open_bundle
 from lava_vpr.encoding import Keep, encode_traverse
+from lava_vpr.engine.gains import FULL
 from lava_vpr.engine.inference.whole import WholeNetwork, counts_of
 from lava_vpr.errors import LavaVprError
 from lava_vpr.localizer import Localizer
 from lava_vpr.model import integer_model, load
+from lava_vpr.season.file import load as load_season
+from lava_vpr.training.loop import integer_network
 from lava_vpr.traverse import open_traverse
 
 LEARN = ("train", "reference", "--input", "frontend-direct", "--learning", "template")
@@ -115,6 +120,39 @@ def test_neurons_that_hear_cells_adapt(direct: Path) -> None:
     assert plain < more < 1.01 * plain
 
 
+def test_neurons_that_hear_cells_learn_the_season(direct: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gains multiply what was learned, quantised anew in each epoch; a season that is known is the same everywhere."""
+    teach_quickly(monkeypatch)
+    run("eval", "d.lvpr", "query", "--learn", "--json", "e.json")
+    evaluated = json.loads(Path("e.json").read_text())
+    assert evaluated["learned"]["contrast"]["recall_at_1"] == 1
+    assert evaluated["taught"]["single"]["answers"] >= 4
+    robot = Localizer("d.lvpr", "none", learn=True)
+    found = [robot.update(image) for image in open_traverse("query").images()]
+    assert [repr(one.confidence) for one in found] == [row["confidence"] for row in answers("--learn")]
+    robot.save_season("s.lvps")
+    model, season = integer_model(load(direct), "the test"), load_season("s.lvps")
+    assert 0 < season.gains.mean() < FULL
+    shares = season.gains[:, None] / np.float32(FULL)
+    wanted = integer_network(model.learned * shares, model.config, model.stretches, model.activity)
+    assert not np.array_equal(wanted.weights, model.network.weights)
+    asker = Asker(model, Asking(season=season))
+    shown = asker.presentations([encode_traverse(open_traverse("query"), model.config.encoder)])
+    assert shown.bias is not None
+    assert (shown.bias == wanted.bias).all()
+    run("season", "d.lvpr", "s.lvps", "--apply", "a.lvpr")
+    for one in (asker.model, load("a.lvpr")):
+        network = integer_model(one, "the test").network
+        assert np.array_equal(network.weights, wanted.weights)
+        assert np.array_equal(network.bias, wanted.bias)
+    run("verify", "d.lvpr", "query", "--limit", "3", "--season", "s.lvps", "--backend", "bundle", "--json", "v.json")
+    assert json.loads(Path("v.json").read_text())["backends"]["bundle"]["equal"] is True
+    frozen = answers("--season", "s.lvps")
+    assert answers("--season", "s.lvps", "--backend", "bundle") == frozen != answers("--adapt", "off")
+    run("deploy", "d.lvpr", "--target", "kapoho-bay", "--season", "s.lvps", "-o", "b")
+    assert np.array_equal(np.load("b/host/weights.npy"), wanted.weights)
+
+
 def test_bench_counts_pixels_to_places(direct: Path) -> None:
     run("bench", "d.lvpr", "query", "--backend", "host", "--json", "b.json", "--limit", "3")
     values = json.loads(Path("b.json").read_text())
@@ -133,9 +171,10 @@ def test_bench_counts_pixels_to_places(direct: Path) -> None:
     ("words", "said"),
     [
         (
-            ("eval", "d.lvpr", "query", "--learn", "--motion", "any"),
-            f"--learn needs rates of inputs, but {ELSEWHERE}; train with --input frontend",
+            ("eval", "d.lvpr", "query", "--learn", "--gains", "g.lvpg"),
+            f"--gains needs rates of inputs, but {ELSEWHERE}; write a map with the gains in its weights: ",
         ),
+        (("eval", "b", "query", "--learn"), "a bundle keeps no float weights to multiply by gains, and these neurons"),
         pytest.param(
             ("eval", "d.lvpr", "query", "--backend", "lava-fused"),
             f"lava-fused takes inputs that have rates, but {ELSEWHERE}",
@@ -163,6 +202,8 @@ def test_bench_counts_pixels_to_places(direct: Path) -> None:
 )
 def test_what_needs_rates_of_inputs_is_refused_in_one_line(direct: Path, words: tuple[str, ...], said: str) -> None:
     Path("bias.toml").write_text('[network]\ninput_mode = "bias"\n')
+    if "b" in words[:2]:
+        run("deploy", "d.lvpr", "--target", "kapoho-bay", "-o", "b")
     assert fails(*words).startswith(said)
 
 
