@@ -22,6 +22,7 @@ from support.boards.loihi2_bundles import (
 )
 
 from lava_vpr.deploy.bundle import folder as bundle_folder
+from lava_vpr.engine.inference.biases import bias_registers, held_biases
 from lava_vpr.engine.inference.whole import counts_of
 from lava_vpr.loihi import reset_interval
 
@@ -34,11 +35,23 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_pixels_bundle(tmp_path_factory.mktemp("loihi2") / "bundle")
 
 
-def queries(folder: Path, shown: NDArray[np.generic]) -> Path:
-    """A folder of queries."""
+def queries(folder: Path, shown: NDArray[np.generic], bias: NDArray[np.int32] | None = None) -> Path:
+    """A folder of queries, with biases if they have their own."""
     folder.mkdir()
     np.save(folder / "pixels.npy", shown)
+    for name, array in zip(("biases", "exponents"), () if bias is None else bias_registers(bias), strict=False):
+        np.save(folder / f"{name}.npy", array)
     return folder
+
+
+@pytest.mark.parametrize("ways", [(), pytest.param(("--ways", "scalars"), marks=pytest.mark.slow)])
+def test_biases_of_each_query_are_written(made: Path, tmp_path: Path, ways: tuple[str, ...]) -> None:
+    shown, bias = pictures(3, seed=12), held_biases(np.random.default_rng(4).integers(-4000, 900, (3, 7)))
+    folder, env = queries(tmp_path / "q", shown, bias), environment(options=asked(tmp_path))
+    assert program(made, "--queries", folder, "--out", tmp_path / "r", *ways, env=env) == (0, "3 of 3 queries answered")
+    counts, _, _ = answers(tmp_path / "r")
+    assert np.array_equal(counts, hearing().trains(shown, bias)["exc"].sum(axis=1, dtype=np.int32))
+    assert not np.array_equal(counts, counts_of(hearing(), shown))
 
 
 def test_pictures_of_the_self_test_tell_neurons_apart() -> None:
@@ -92,8 +105,8 @@ def test_the_ladder_shows_pictures_and_finds_a_way(made: Path, tmp_path: Path) -
 
 
 WRONG = {
-    "pixels are not written": ('write(self.neurons[SHOWN], {"bias_mant": self.grey(query + 1)})', "pass"),
-    "the clock has no bias": ("begin |= {**self.own, SHOWN", "begin |= {SHOWN"),
+    "pixels are not written": ("self.shown(query + 1) if query", "{} if query"),
+    "the clock has no bias": ("begin |= self.own | self.shown(0)", "begin |= self.shown(0)"),
     "synapses have no exponent": ("**form | {", '**form | {"weight_exp": 0, '),
     "a presentation is a step short": ("self.go(self.interval)", "self.go(self.interval - 1)"),
 }
