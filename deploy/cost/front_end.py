@@ -160,17 +160,21 @@ def registers_between(spec: FrontEnd, plan: PlacedFrontEnd, events: float, *, ad
 
     A bias is read and written; each of the ``events`` is a spike that is sent. All states that last are cleared,
     membranes and currents separately, unless the board resets its neurons. Where the network is ``adapted``, so are the
-    biases of the neurons of places.
+    biases of the neurons of places, which follow from counts of cells.
     """
     sizes, kept = spec.populations, 0
     for group in populations(spec).values():
         kept += group.size * ((group.du != NO_MEMORY_DECAY) + (group.dv != NO_MEMORY_DECAY))
     pixels = BIAS_ACCESSES * sizes["pixels"] + plan.populations["pixels"].cores
+    adaptation = {}
+    if adapted:
+        biases = BIAS_ACCESSES * sizes["exc"] + plan.populations["exc"].cores
+        adaptation = {COUNTS_OF_CELLS: sizes["cells"], BIASES_OF_EXC: biases}
     return {
         **({EVENTS: round(events)} if spec.window else {"pixels": pixels}),
         "clearing of states": 0 if isinstance(plan.board.clearing, LifReset) else kept,
         COUNTS_OF_EXC if "exc" in sizes else COUNTS_OF_CELLS: sizes.get("exc", sizes["cells"]),
-        **({BIASES_OF_EXC: BIAS_ACCESSES * sizes["exc"] + plan.populations["exc"].cores} if adapted else {}),
+        **adaptation,
     }
 
 

@@ -122,11 +122,11 @@ def test_biases_of_an_adapted_query_are_written_before_it() -> None:
     shown, bias = pictures(2, spec=whole), np.full((2, 7), -(1 << 12), np.int32)
     each = (PixelBlock(shown), PixelBlock(shown, bias))
     plain, adapted = (front_end_costs(whole, placed(whole, KAPOHO_BAY), one) for one in each)
-    assert adapted.registers == {**plain.registers, "biases of exc": 2 * 7 + 1}
+    assert adapted.registers == {**plain.registers, "counts of cells": 32, "biases of exc": 2 * 7 + 1}
     spikes = [one.layers["exc"].spikes for one in (plain, adapted)]
     assert spikes == [whole.trains(*one)["exc"].sum() / 2 for one in each]
     assert spikes[0] != spikes[1]
-    assert adapted.packets == plain.packets + 1
+    assert adapted.packets == plain.packets + 2
     assert adapted.between_milliseconds is not None
     assert adapted.between_milliseconds["biases of exc"].low > 0
 
