@@ -3,8 +3,8 @@
     LAVA_VPR_DATA=... python -m benchmarks front_end.season [--record]
 
 Nordland, summer learned by STDP and winter asked in driving order, exact matches; nothing is known of the season
-before. Gains are those of `benchmarks.learning.season`, none of whose settings was chosen with this input. In one run
-they are in the weights, which are quantised anew in each epoch.
+before. Settings of gains are those of `benchmarks.learning.season`, found with other inputs while looking at all
+places. In one run gains are in the weights, which are quantised again in each epoch.
 """
 
 from __future__ import annotations

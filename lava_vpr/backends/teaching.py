@@ -1,7 +1,7 @@
 """Answers that teach: queries presented under the gains of inputs, which follow from the answers before.
 
 The host computes gains and biases; whatever runs the network is shown rates and biases, and knows of nothing else.
-Where neurons hear the cells of a front end themselves, gains are in the weights instead, which are written anew.
+Where neurons hear the cells of a front end themselves, gains are in the weights instead, which are written again.
 """
 
 from __future__ import annotations
@@ -74,14 +74,14 @@ class Learner:
         means, counted = self._adaptation.means(shown[0].rates)
         self._asked = LastQueries(strengths(shown[0].rates, direct), means, counted)
         if direct:
-            self._weigh_anew(gains)
+            self._weigh_again(gains)
         if direct or (gains == FULL).all():
             bias = self._adaptation.taking_off(means)
             return [replace(part, bias=bias) for part in shown]
         bias = biases_under(self._plain.network, means, self._reference, gains)
         return under_gains(shown, views, gains, bias, encoder)
 
-    def _weigh_anew(self, gains: NDArray[np.uint8]) -> None:
+    def _weigh_again(self, gains: NDArray[np.uint8]) -> None:
         """Let the weights of `model` be those under ``gains``."""
         if np.array_equal(gains, self._weighed_by):
             return
