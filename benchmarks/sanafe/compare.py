@@ -6,8 +6,9 @@ Real: models of summer images as they are deployed on Kapoho Bay, asked winter i
 500 places, preset fast, other bits, pruned, without signs, Poisson trains, input compartments, under gains that a drive
 learned. Random: networks of a few dozen neurons on boards shrunk until they need many cores and tiles, and scattered
 over the mesh of both chips; half of them signed, with biases, some with others in each query; one so large that spikes
-are injected through relays, and one whose inhibitory neuron has leaves. All figures are modelled. Fails where energy or
-``simple`` time is apart by more than 1e-6, in any step, or where SANA-FE's own spikes or counts are not ours.
+are injected through relays, and one whose inhibitory neuron has leaves. From pixels on (`benchmarks.sanafe.pixels`):
+the spiking front end of 100 places, alone and with neurons that hear its cells. All figures are modelled. Fails where
+energy or ``simple`` time is apart by more than 1e-6, in any step, or where SANA-FE's own spikes or counts are not ours.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from benchmarks.learning.replayed import gained
 from benchmarks.places import encoded, learn, required
 from benchmarks.program import Printed, program, verdict
 from benchmarks.sanafe.cross_check import CrossCheck, cross_check
+from benchmarks.sanafe.pixels import PixelsChecked, check_pixels
 from lava_vpr.backends.interface import HostBackend, Presentations, query_presentations
 from lava_vpr.config import preset
 from lava_vpr.configfile import update
@@ -33,13 +35,16 @@ from lava_vpr.deploy.boards.memory import PackedRows
 from lava_vpr.deploy.boards.plan import Plan
 from lava_vpr.deploy.bundle.compression import Changes, for_board
 from lava_vpr.deploy.bundle.deployment import plan_of
+from lava_vpr.deploy.bundle.front_end import front_end_of
 from lava_vpr.deploy.mapping.partition import partition
 from lava_vpr.engine.inference.counting import count_spikes, inhibitory_spikes
 from lava_vpr.engine.inference.fixed import DIRECT, FixedNetwork
 from lava_vpr.engine.inference.quantise import RATE_UNIT, biases_of
-from lava_vpr.engine.presentations import Trains
+from lava_vpr.engine.presentations import PixelBlock, Trains
 from lava_vpr.engine.random import image_keys, presentation_keys
 from lava_vpr.engine.rates import draw_trains
+from lava_vpr.inputs.encoder import Keep
+from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.loihi import NO_MEMORY_DECAY, TILE_CORES
 from lava_vpr.model import Model
 from lava_vpr.show.table import Table
@@ -168,6 +173,24 @@ def scattered(plan: Plan, rng: np.random.Generator) -> Plan:
     return replace(plan, board=KAPOHO_BAY, cores=tuple(cores))
 
 
+def pixel_cases(queries: int) -> Iterator[tuple[str, FrontEnd, PixelBlock]]:
+    """The spiking front end of 100 places, alone and with the neurons that hear its cells, and images of winter."""
+    for kind, name in (("frontend", "the spiking front end"), ("frontend-direct", "pixels to places in one run")):
+        model = learn((0, 100), update(preset("loihi"), {"encoder": {"kind": kind}}))
+        chosen = np.linspace(0, model.places - 1, queries).astype(np.int64)
+        grey = encoded("winter", model.config.encoder).take(chosen).kept(Keep.GREY, "the comparison")
+        spec = front_end_of(model)
+        if spec is not None:
+            yield f"100 places, {name}", spec, PixelBlock(grey)
+
+
+def pixel_failures(checked: PixelsChecked) -> list[str]:
+    """Whatever must not be of a network from pixels on, a line each."""
+    lines = [] if checked.difference <= LIMIT else [f"apart by {checked.difference}"]
+    silent = [name for name, (ours, _) in checked.counts.items() if not ours.all()]
+    return lines + [f"no {name}, so little was compared" for name in silent]
+
+
 def failures(case: SanafeCase, checked: CrossCheck) -> list[str]:
     """Whatever of the comparison must not be, a line each; none if all is well."""
     lines = []
@@ -182,14 +205,24 @@ def failures(case: SanafeCase, checked: CrossCheck) -> list[str]:
     return lines
 
 
+def row(name: str, pair: tuple[float, float], digits: str) -> list[str]:
+    """A row of the table: both figures, and how far they are apart."""
+    ours, theirs = pair
+    apart = "0" if ours == theirs else f"{abs(ours - theirs) / max(abs(ours), abs(theirs)):.1e}"
+    return [name, f"{ours:{digits}}", f"{theirs:{digits}}", apart]
+
+
+def pixel_rows(name: str, checked: PixelsChecked) -> Iterator[list[str]]:
+    """A part of the table for a network from pixels on, mean over the images."""
+    yield [name, "", "", f"{checked.difference:.1e}"]
+    for what, pair in checked.microjoules.items():
+        yield row(f"  {what}, uJ", (float(pair[0].mean()), float(pair[1].mean())), ",.8g")
+    for what, pair in checked.counts.items():
+        yield row(f"  {what}", (float(pair[0].mean()), float(pair[1].mean())), ",.12g")
+
+
 def rows(case: SanafeCase, checked: CrossCheck) -> Iterator[list[str]]:
     """A part of the table: figures of a query, mean over the queries."""
-
-    def row(name: str, pair: tuple[float, float], digits: str) -> list[str]:
-        ours, theirs = pair
-        apart = "0" if ours == theirs else f"{abs(ours - theirs) / max(abs(ours), abs(theirs)):.1e}"
-        return [name, f"{ours:{digits}}", f"{theirs:{digits}}", apart]
-
     yield [case.name, "", "", f"{checked.difference:.1e}"]
     for name, pair in checked.microjoules.items():
         yield row(f"  {name}, uJ", pair, ",.8g")
@@ -217,6 +250,12 @@ def main(queries: int, count: int) -> Printed:
         first.append(len(lines))
         lines += rows(case, checked)
         largest = max(largest, checked.difference)
+    for name, spec, images in pixel_cases(queries) if os.environ.get("LAVA_VPR_DATA") else ():
+        seen = check_pixels(spec, images)
+        bad += [f"{name}: {line}" for line in pixel_failures(seen)]
+        first.append(len(lines))
+        lines += pixel_rows(name, seen)
+        largest = max(largest, seen.difference)
     title = f"modelled energy and time of a query, mean of {queries}; bold: largest difference of any query and step"
     columns = ("", "closed form", "SANA-FE", "relative difference")
     yield Table(columns, lines, title=title, strong=frozenset(first), rules=frozenset(first))

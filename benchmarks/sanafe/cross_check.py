@@ -173,7 +173,7 @@ def _our_counts(events: EventCounts) -> dict[str, Floats]:
     }
 
 
-def _apart(ours: Any, theirs: Any) -> float:
+def apart(ours: Any, theirs: Any) -> float:
     """Largest relative difference; not a number if there is one among them, infinite where only ours is 0."""
     a, b = np.asarray(ours, np.float64), np.asarray(theirs, np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -293,7 +293,7 @@ def compare(
         simple_milliseconds=(mean(ours.milliseconds), mean(theirs.milliseconds.sum(axis=1))),
         detailed_milliseconds=mean(theirs.detailed),
         counts={name: (mean(counts[name]), mean(value)) for name, value in theirs.counts.items()},
-        difference=float(np.max([_apart(a, b) for a, b in pairs])),
+        difference=float(np.max([apart(a, b) for a, b in pairs])),
         spikes_differ=differ,
     )
 

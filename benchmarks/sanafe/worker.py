@@ -5,8 +5,8 @@ that `benchmarks.sanafe.problem` describes and writes JSON. ``-I`` keeps the pro
 off the path: one of them is called ``sanafe``, too.
 
 The chip is the ``loihi.yaml`` that SANA-FE brings, its figures untouched. Changed are: the mesh, wide enough for the
-board's chips, with tiles up to the last one used; the cores of a tile; one input unit instead of 1024 on each core
-(those take 13 MB a core); and, if spikes are injected, one more core on tile 0, the port: a copy of the others with an
+board's chips, with tiles up to the last one used; the cores of a tile; as many input units on each core as play there
+(1024 of them take 13 MB); and, if spikes are injected, one more core on tile 0, the port: a copy of the others with an
 input unit for each input. Input units play a spike train; their accesses, updates and spikes take neither energy nor
 time, their messages do as all others. On request the port's messages take no time.
 """
@@ -49,7 +49,7 @@ def architecture(problem: dict[str, Any], shipped: str) -> str:
         if not problem["port_takes_time"]:
             port = replaced(port, r"latency_message_out: .*$", "latency_message_out: 0.0")
     core = replaced(core, r"loihi_core\[0\.\.\d+\]", f"loihi_core[0..{problem['tile_cores'] - 1}]")
-    core = replaced(core, r"loihi_inputs\[0\.\.\d+\]", "loihi_inputs[0..0]")
+    core = replaced(core, r"loihi_inputs\[0\.\.\d+\]", f"loihi_inputs[0..{problem.get('core_units', 1) - 1}]")
     tiles = [replaced(tile, r"loihi_tile\[0\.\.\d+\]", f"tile_{number}") + core for number in range(problem["tiles"])]
     return head + tiles[0] + port + "".join(tiles[1:])
 

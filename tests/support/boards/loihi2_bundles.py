@@ -1,6 +1,6 @@
 """Small bundles for Loihi 2, made of random networks, and their programs as children.
 
-Used by bench, deploy and processes.
+Used by bench, benchmarks, deploy and processes.
 """
 
 from __future__ import annotations
