@@ -102,7 +102,8 @@ PROOFS: Mapping[str, Sequence[Proof]] = {
             r"(\d+ bundles), (\S+ spikes)",
         ),
         Proof(
-            "closed form of energy and time beside SANA-FE, real queries under gains among them",
+            "closed form of energy and time beside SANA-FE, real queries under gains among them; of two networks from "
+            "pixels on messages and synaptic operations alone",
             "python -m benchmarks sanafe.compare",
             r"(\d+ networks) .*, (the largest difference is \S+)",
         ),
