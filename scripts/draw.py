@@ -31,7 +31,7 @@ from matplotlib.collections import LineCollection
 from lava_vpr import Localizer, Match, train
 from lava_vpr.backends.interface import HostBackend, query_presentations
 from lava_vpr.encoding import encode_arrays
-from lava_vpr.inputs.front_end import FRONT_END
+from lava_vpr.inputs.front_end_settings import FRONT_END
 from lava_vpr.model import Model, prepare
 from lava_vpr.report.images import edge_direction
 from lava_vpr.report.layers import Layers, picture

@@ -24,7 +24,7 @@ from benchmarks.places import images_of, recognised
 from benchmarks.program import BenchmarkTable, Printed, fraction, program
 from lava_vpr.config import Config, for_events, preset
 from lava_vpr.inputs.encoder import INPUTS, spiking_input
-from lava_vpr.inputs.front_end import EVENT_FRONT_END
+from lava_vpr.inputs.front_end_settings import EVENT_FRONT_END
 from lava_vpr.recognition import Comparison
 from lava_vpr.traverse import Traverse, open_traverse, vector_traverse
 from lava_vpr.vectors.files import Vectors

@@ -17,7 +17,7 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.cost.front_end import front_end_costs
 from lava_vpr.deploy.mapping.front_end import placed
 from lava_vpr.engine.presentations import PixelBlock
-from lava_vpr.inputs.front_end import FRONT_END, front_end
+from lava_vpr.inputs.front_end_settings import FRONT_END, front_end
 from lava_vpr.traverse import open_traverse
 
 IMAGES = slice(0, 500, 25)

@@ -25,7 +25,8 @@ from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.inputs.encoder import Keep
-from lava_vpr.inputs.front_end import FrontEnd, front_end
+from lava_vpr.inputs.front_end import FrontEnd
+from lava_vpr.inputs.front_end_settings import front_end
 from lava_vpr.matching.evaluation import Metrics, Recall
 from lava_vpr.model import Model, integer_model
 from lava_vpr.recognition import DECODERS_ONLY, recognise

@@ -38,8 +38,9 @@ from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.presentations import cores
-from lava_vpr.inputs.front_end import COLUMNS, FRONT_END, FrontEnd, front_end
+from lava_vpr.inputs.front_end import COLUMNS, FrontEnd
 from lava_vpr.inputs.front_end_kernels import NEVER, raced
+from lava_vpr.inputs.front_end_settings import FRONT_END, front_end
 from lava_vpr.matching.evaluation import Metrics, Recall
 from lava_vpr.recognition import DECODERS_ONLY, Comparison, recognise
 from lava_vpr.training.loop import train

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError, InputError
-from lava_vpr.inputs.front_end import EVENT_FRONT_END, FrontEnd, front_end
+from lava_vpr.inputs.front_end import FrontEnd
+from lava_vpr.inputs.front_end_settings import EVENT_FRONT_END, front_end
 from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.inputs.patches import HOG_VALUES, PATCH_SIDE, on_off
 from lava_vpr.inputs.vectors import as_rates, signed_channels, without_weak

@@ -29,19 +29,17 @@ With ``reading`` steps the network of places hears the cells themselves, as they
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from lava_vpr.errors import ConfigError
-from lava_vpr.inputs.front_end_kernels import RaceNumbers, counted, pair_steps
-from lava_vpr.inputs.patches import averaged
-from lava_vpr.loihi import DECAY_BITS, DECAY_UNITY, INPUT_SHIFT, STATE_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
+from lava_vpr.inputs.front_end_kernels import RaceNumbers, counted, lasting, pair_steps
+from lava_vpr.inputs.patches import averaged, grey_levels
+from lava_vpr.loihi import INPUT_SHIFT, STATE_LIMIT, WEIGHT_EXPONENT_LIMIT, WEIGHT_LIMIT
 
 BURST = 8
 """A burst is the step of its first spike times this, plus the number of its spikes, which is less."""
@@ -55,12 +53,6 @@ LONGEST = 64
 """Most steps of a presentation: a neuron that has silenced itself by a spike stays so for twice as many."""
 SPARE = 16
 """What rounding can add to a filter's current, and more, in units of a weight."""
-
-
-def lasting(current: int) -> int:
-    """What is left of a current after a step where its decay register is 0, in units of u."""
-    kept = abs(current) * (DECAY_UNITY - 1) >> DECAY_BITS
-    return kept if current > 0 else -kept
 
 
 @dataclass(frozen=True)
@@ -325,8 +317,8 @@ class FrontEnd:
         carries one a step, ``window`` at most.
         """
         if not self.window:
-            return _grey(averaged(image, self.width, self.height))
-        events = _grey(image)
+            return grey_levels(averaged(image, self.width, self.height))
+        events = grey_levels(image)
         for axis, pixels in enumerate((self.height, self.width)):  # a sensor of fewer: each of its own is several
             events = events.repeat(max(1, -(-pixels // events.shape[axis])), axis)
         rows, columns = (np.arange(n) * to // n for n, to in zip(events.shape, self.shape, strict=True))
@@ -404,24 +396,3 @@ class FrontEnd:
             begun = onsets.reshape(-1) + self.window
             films["cells"][number] = (now > begun) & (now <= begun + counts.reshape(-1))
         return films
-
-
-def _grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
-
-
-FRONT_END = FrontEnd()
-"""The front end of the default settings."""
-EVENT_FRONT_END = FrontEnd(levels=8, white=20, pixel_octaves=3.0, race=15, window=16)
-"""The front end of the input ``frontend-events``, as `benchmarks.events.lens` chose it."""
-
-
-HEARD: Mapping[str, Any] = {"joined": 2, "needed": 3, "top": 0.85, "pixel_octaves": 4.5}
-"""Numbers of a front end whose cells neurons hear directly, as `benchmarks.front_end.direct` chose them; half as many
-pairs, for the energy of a step."""
-
-
-@lru_cache(maxsize=8)
-def front_end(levels: int, race: int, reading: int = 0) -> FrontEnd:
-    """The front end of these settings, whose numbers are worked out once."""
-    return FrontEnd(levels=levels, race=race, reading=reading, **(HEARD if reading else {}))

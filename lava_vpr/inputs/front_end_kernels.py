@@ -54,6 +54,12 @@ class RaceNumbers(NamedTuple):
     needed: int
 
 
+def lasting(current: int) -> int:
+    """What is left of a current after a step where its decay register is 0, in units of u."""
+    kept = abs(current) * (DECAY_UNITY - 1) >> DECAY_BITS
+    return kept if current > 0 else -kept
+
+
 @compiled(nogil=True)
 def _in_turn(grey: NDArray[np.uint8], numbers: RaceNumbers) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Pixels in the order of their spikes: row and column of each, (n, 2), and where each step's begin, (levels + 1,).
@@ -80,7 +86,7 @@ def _in_turn(grey: NDArray[np.uint8], numbers: RaceNumbers) -> tuple[NDArray[np.
 
 @compiled(nogil=True)
 def _shrunk(currents: NDArray[np.int32]) -> None:
-    """Currents a step later: what `lava_vpr.inputs.front_end.lasting` says, of all."""
+    """Currents a step later: what `lasting` says, of all."""
     for k in range(currents.size):
         x = currents[k]
         lost = (abs(x) + np.int32(DECAY_UNITY - 1)) >> np.int32(DECAY_BITS)

@@ -23,6 +23,11 @@ PATCH_SIDE = 28
 PATCH_WINDOW = 7
 
 
+def grey_levels(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Grey levels of ``image`` (h, w) or (h, w, 3) BGR, uint8 (h, w)."""
+    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
 def averaged(image: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:
     """``image`` (h, w) or (h, w, 3) resized by OpenCV's ``INTER_AREA``, the means of areas where it becomes smaller."""
     scales = 1.0 / (height / image.shape[0]), 1.0 / (width / image.shape[1])
@@ -39,7 +44,7 @@ def grey(image: NDArray[np.uint8], side: int, interpolation: int) -> NDArray[np.
         small = averaged(image, side, side)
     else:
         small = cv2.resize(image, (side, side), interpolation=interpolation)
-    return small if small.ndim == 2 else cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
+    return grey_levels(small)
 
 
 def window_z_score(image: NDArray[np.uint8], window: int = PATCH_WINDOW) -> NDArray[np.float64]:

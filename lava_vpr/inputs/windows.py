@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr.inputs.patches import grey_levels
 from lava_vpr.settings.ranges import Range, check
 
 EventImage = Literal["counts", "surface"]
@@ -54,7 +54,7 @@ def saturated(image: NDArray[np.uint8], share: float) -> NDArray[np.uint8]:
         image: Numbers of events, or how recent they are, uint8 (h, w) or (h, w, 3) BGR.
         share: The least level that so many of the pixels above 0 do not exceed becomes white, and so does all above.
     """
-    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    grey = grey_levels(image)
     counts = np.bincount(grey.reshape(-1), minlength=256)[1:].cumsum()
     top = 1 + int(np.searchsorted(counts, share * counts[-1]))
     return (np.minimum(grey, top).astype(np.uint16) * 255 // top).astype(np.uint8)

@@ -28,7 +28,7 @@ from lava_vpr.encoding import encode_arrays, encode_traverse
 from lava_vpr.engine.presentations import Trains
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.inputs.encoder import Keep
-from lava_vpr.inputs.front_end import FRONT_END
+from lava_vpr.inputs.front_end_settings import FRONT_END
 from lava_vpr.model import Model, integer_model
 from lava_vpr.processes.base import lava_checks
 from lava_vpr.recognition import DECODERS_ONLY, recognise

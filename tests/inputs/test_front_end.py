@@ -15,7 +15,8 @@ from lava_vpr.configfile import update
 from lava_vpr.encoding import encode_arrays
 from lava_vpr.errors import ConfigError
 from lava_vpr.inputs.encoder import EncoderConfig
-from lava_vpr.inputs.front_end import EVENT_FRONT_END, FRONT_END, FrontEnd
+from lava_vpr.inputs.front_end import FrontEnd
+from lava_vpr.inputs.front_end_settings import EVENT_FRONT_END, FRONT_END
 from lava_vpr.synthetic.world import World, render
 
 DEFAULT = EncoderConfig(kind="frontend")

@@ -18,7 +18,8 @@ from support.lava.model_harness import build, drive
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.whole import WholeNetwork, settings_of
 from lava_vpr.errors import NetworkLimitError
-from lava_vpr.inputs.front_end import FRONT_END, FrontEnd
+from lava_vpr.inputs.front_end import FrontEnd
+from lava_vpr.inputs.front_end_settings import FRONT_END
 from lava_vpr.isolated.runner import run_isolated
 from lava_vpr.loihi import INPUT_SHIFT
 from lava_vpr.processes.front_end.process import FrontEndNetwork

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from support.literal import front_end as literal
 
-from lava_vpr.inputs.front_end import FRONT_END, FrontEnd
+from lava_vpr.inputs.front_end import FrontEnd
+from lava_vpr.inputs.front_end_settings import FRONT_END
 from lava_vpr.report import layers
 from lava_vpr.report.layers import Layers
 from lava_vpr.show.svg import THEME

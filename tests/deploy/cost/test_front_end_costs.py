@@ -14,8 +14,9 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.cost.front_end import FrontEndCosts, front_end_costs
 from lava_vpr.deploy.mapping.front_end import placed
 from lava_vpr.engine.presentations import PixelBlock
-from lava_vpr.inputs.front_end import FRONT_END, FrontEnd
+from lava_vpr.inputs.front_end import FrontEnd
 from lava_vpr.inputs.front_end_network import populations
+from lava_vpr.inputs.front_end_settings import FRONT_END
 
 SPEC = FrontEnd(width=8)
 SMALL = replace(KAPOHO_BAY, compartments=48)

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.boards.host_programs import Made, answers, write_bundle
+from support.boards.host_programs import Made, answers, pixel_queries, write_bundle
 from support.boards.kapoho_board import Board, climb_here, edited
 
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.folder import array_bytes
 from lava_vpr.deploy.bundle.front_end import front_end_files
-from lava_vpr.engine.inference.biases import bias_registers, held_biases
+from lava_vpr.engine.inference.biases import held_biases
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.engine.inference.whole import WholeNetwork, counts_of
 from lava_vpr.inputs.front_end import FrontEnd
@@ -71,26 +71,19 @@ def made(tmp_path: Path) -> Made:
     return written
 
 
-def asked(folder: Path, shown: NDArray[np.uint8], bias: NDArray[np.int32] | None = None) -> Path:
-    """A folder of queries, with biases if they have their own."""
-    folder.mkdir()
-    np.save(folder / "pixels.npy", shown)
-    for name, array in zip(("biases", "exponents"), () if bias is None else bias_registers(bias), strict=False):
-        np.save(folder / f"{name}.npy", array)
-    return folder
-
-
 @pytest.mark.parametrize("simulate", [True, False])
 def test_biases_of_each_query_are_written(board: Board, made: Made, tmp_path: Path, simulate: bool) -> None:
     words = ["--simulate"] if simulate else ["--batch", "2"]
     shown, whole = pictures(3, seed=9), WholeNetwork.of(SPEC, made.network)
     bias = held_biases(np.random.default_rng(4).integers(-3000, made.network.highest_bias, (3, 7)))
-    ended = board.run(made, "--queries", asked(tmp_path / "q", shown, bias), "--out", tmp_path / "r", *words)
+    ended = board.run(made, "--queries", pixel_queries(tmp_path / "q", shown, bias), "--out", tmp_path / "r", *words)
     assert (ended.code, ended.err) == (0, "")
     counts, _, _ = answers(tmp_path / "r")
     assert np.array_equal(counts, whole.trains(shown, bias)["exc"].sum(axis=1, dtype=np.int32))
     assert not np.array_equal(counts, counts_of(whole, shown))
-    ended = board.run(made, "--queries", asked(tmp_path / "few", shown, bias[:2]), "--out", tmp_path / "s", *words)
+    ended = board.run(
+        made, "--queries", pixel_queries(tmp_path / "few", shown, bias[:2]), "--out", tmp_path / "s", *words
+    )
     assert "biases.npy is int32 (2, 7), but must be int32 (3, 7)" in ended.err
 
 
@@ -101,7 +94,7 @@ def test_its_counts_are_the_host_engines(board: Board, made: Made, tmp_path: Pat
     assert (ended.code, ended.err) == (0, "")
     assert ended.out.startswith("equal: 5 pictures, 35 counts")
     shown = pictures(3, seed=9)
-    ended = board.run(made, "--queries", asked(tmp_path / "q", shown), "--out", tmp_path / "r", *words)
+    ended = board.run(made, "--queries", pixel_queries(tmp_path / "q", shown), "--out", tmp_path / "r", *words)
     assert (ended.code, ended.err) == (0, "")
     counts, done, _ = answers(tmp_path / "r")
     assert done.all()
@@ -153,7 +146,7 @@ def test_pixels_that_do_not_fit_are_refused(board: Board, made: Made, tmp_path: 
             (pictures(2)[:, 1:], r"pixels.npy is uint8 (2, 3, 8), but must be uint8 (n, 4, 8)"),
         )
     ):
-        folder = asked(tmp_path / f"q{number}", shown)
+        folder = pixel_queries(tmp_path / f"q{number}", shown)
         ended = board.run(made, "--queries", folder, "--out", tmp_path / "r", "--simulate")
         assert (ended.code, ended.out) == (1, "")
         assert said in ended.err

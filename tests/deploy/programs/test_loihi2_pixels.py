@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from support.boards.host_programs import answers
+from support.boards.host_programs import answers, pixel_queries
 from support.boards.loihi2_bundles import (
     IMAGES,
     SPEC,
@@ -22,7 +21,7 @@ from support.boards.loihi2_bundles import (
 )
 
 from lava_vpr.deploy.bundle import folder as bundle_folder
-from lava_vpr.engine.inference.biases import bias_registers, held_biases
+from lava_vpr.engine.inference.biases import held_biases
 from lava_vpr.engine.inference.whole import counts_of
 from lava_vpr.loihi import reset_interval
 
@@ -35,19 +34,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_pixels_bundle(tmp_path_factory.mktemp("loihi2") / "bundle")
 
 
-def queries(folder: Path, shown: NDArray[np.generic], bias: NDArray[np.int32] | None = None) -> Path:
-    """A folder of queries, with biases if they have their own."""
-    folder.mkdir()
-    np.save(folder / "pixels.npy", shown)
-    for name, array in zip(("biases", "exponents"), () if bias is None else bias_registers(bias), strict=False):
-        np.save(folder / f"{name}.npy", array)
-    return folder
-
-
 @pytest.mark.parametrize("ways", [(), pytest.param(("--ways", "scalars"), marks=pytest.mark.slow)])
 def test_biases_of_each_query_are_written(made: Path, tmp_path: Path, ways: tuple[str, ...]) -> None:
     shown, bias = pictures(3, seed=12), held_biases(np.random.default_rng(4).integers(-4000, 900, (3, 7)))
-    folder, env = queries(tmp_path / "q", shown, bias), environment(options=asked(tmp_path))
+    folder, env = pixel_queries(tmp_path / "q", shown, bias), environment(options=asked(tmp_path))
     assert program(made, "--queries", folder, "--out", tmp_path / "r", *ways, env=env) == (0, "3 of 3 queries answered")
     counts, _, _ = answers(tmp_path / "r")
     assert np.array_equal(counts, hearing().trains(shown, bias)["exc"].sum(axis=1, dtype=np.int32))
@@ -64,7 +54,7 @@ def test_pictures_of_the_self_test_tell_neurons_apart() -> None:
 @pytest.mark.slow
 def test_lavas_simulation_counts_what_the_host_counts(made: Path, tmp_path: Path) -> None:
     shown = pictures(3, seed=12)
-    words = ["--queries", queries(tmp_path / "q", shown), "--out", tmp_path / "r", "--simulate", "--batch", 2]
+    words = ["--queries", pixel_queries(tmp_path / "q", shown), "--out", tmp_path / "r", "--simulate", "--batch", 2]
     assert program(made, *words) == (0, "3 of 3 queries answered")
     counts, done, _ = answers(tmp_path / "r")
     assert done.all()
@@ -135,10 +125,10 @@ def test_what_does_not_fit_is_refused(made: Path, tmp_path: Path) -> None:
             (shown[:, 1:], "pixels.npy is uint8 (2, 3, 8), but must be uint8 (n, 4, 8)"),
         )
     ):
-        folder = queries(tmp_path / f"q{number}", given)
+        folder = pixel_queries(tmp_path / f"q{number}", given)
         code, text = program(made, "--queries", folder, "--out", tmp_path / "r", "--simulate")
         assert (code, text) == (1, f"{folder}: {said}")
-    folder = queries(tmp_path / "q", shown)
+    folder = pixel_queries(tmp_path / "q", shown)
     words = ["--queries", folder, "--out", tmp_path / "r", "--power", tmp_path / "p.json"]
     code, text = program(made, *words, env=environment())
     assert (code, text) == (

@@ -119,3 +119,12 @@ def answers(folder: Path) -> tuple[NDArray[np.int32], NDArray[np.bool_], dict[st
     """What a program left: counts, which rows are answered, status."""
     status = json.loads((folder / "status.json").read_text())
     return np.load(folder / "counts.npy"), np.load(folder / "done.npy"), status
+
+
+def pixel_queries(folder: Path, shown: NDArray[np.generic], bias: NDArray[np.int32] | None = None) -> Path:
+    """A new folder of pictures to be presented, with biases if each has its own."""
+    folder.mkdir()
+    np.save(folder / "pixels.npy", shown)
+    for name, array in zip(("biases", "exponents"), () if bias is None else bias_registers(bias), strict=False):
+        np.save(folder / f"{name}.npy", array)
+    return folder
