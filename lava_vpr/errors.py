@@ -24,6 +24,10 @@ class UnreadableError(InputError):
     """One image file of many that cannot be read; the others may well be (`lava_vpr.traverse.readable`)."""
 
 
+class UnplacedError(UnreadableError):
+    """A photo that does not say where it was taken; others may."""
+
+
 class UsageError(InputError):
     """Options or arguments that exclude each other, or that lack one another: wrong usage, whatever the data."""
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr.errors import InputError, UnreadableError, printable, shown
+from lava_vpr.errors import InputError, UnplacedError, UnreadableError, printable, shown
 from lava_vpr.images.exif import taken
 from lava_vpr.images.files import IMAGE_SUFFIXES
 from lava_vpr.images.imagefiles import read_image
@@ -234,7 +234,7 @@ def readable(traverses: Sequence[Traverse], positions: Sequence[object] = ()) ->
             same place, and are skipped together.
         positions: What `located` will be given for each, of the first traverses.
     Raises:
-        InputError: none of the images can be read.
+        InputError: none of the images can be read, or says where it was taken.
     """
     photos = [*map(in_photos, positions), *(False for _ in traverses)]
     found = [unreadable(traverse, asked) for traverse, asked in zip(traverses, photos, strict=False)]
@@ -243,6 +243,8 @@ def readable(traverses: Sequence[Traverse], positions: Sequence[object] = ()) ->
     kept = []
     for traverse, own in zip(traverses, found, strict=True):
         where, out = shown(traverse.source), own.keys() | skipped
+        if len(own) == len(traverse) and all(isinstance(error, UnplacedError) for error in own.values()):
+            raise _none_placed(traverse)
         if own:
             some = ", ".join(f"{traverse.indices[k]} ({traverse.names[k]})" for k in [*own][:_NAMED])
             without = ", or do not say where they were taken," if any(photos) else ""
@@ -264,7 +266,7 @@ def unreadable(traverse: Traverse, photos: bool = False) -> dict[int, Unreadable
         try:
             traverse.load(number)
             if photos and taken(Path(traverse.paths[number])).where is None:
-                found[number] = UnreadableError(f"{shown(traverse.paths[number])}: has no position in its EXIF")
+                found[number] = UnplacedError(f"{shown(traverse.paths[number])}: has no position in its EXIF")
         except UnreadableError as error:
             found[number] = error
     return found
@@ -308,16 +310,18 @@ def _by_photos(traverse: Traverse) -> Traverse:
     """``traverse`` with what its photos say of where and when they were taken.
 
     Raises:
-        InputError: they are no image files.
+        InputError: they are no image files, or none says where.
         UnreadableError: some do not say where, or cannot be read.
     """
     if traverse.frames is not None:
         raise InputError(f"{shown(traverse.source)}: only image files have EXIF; give positions as a CSV or GPX file")
     found = [taken(Path(path)) for path in traverse.paths]
     lost = [k for k, photo in enumerate(found) if photo.where is None]
+    if lost and len(lost) == len(found):
+        raise _none_placed(traverse)
     if lost:
         first = f"the first is {traverse.names[lost[0]]}, image {traverse.indices[lost[0]]}"
-        raise UnreadableError(
+        raise UnplacedError(
             f"{shown(traverse.source)}: {len(lost)} of {len(found)} photos do not say in their EXIF where they were "
             f"taken ({first}); give positions as a CSV or GPX file"
         )
@@ -329,6 +333,15 @@ def _by_photos(traverse: Traverse) -> Traverse:
         _NOTES.warning(f"{shown(traverse.source)}: {many} of {len(found)} photos {what}; no times are taken from them")
         known = []
     return replace(traverse, positions=positions, stamps=np.array(known, np.float64) if known else traverse.stamps)
+
+
+def _none_placed(traverse: Traverse) -> InputError:
+    """The error that no photo of ``traverse`` says where it was taken, so that to leave such out would leave none."""
+    none = "the photo does not say" if len(traverse) == 1 else f"none of its {len(traverse)} photos says"
+    return InputError(
+        f"{shown(traverse.source)}: {none} in its EXIF where it was taken; give positions as a CSV or GPX file, or "
+        "train without --positions (queries: without --query-positions)"
+    )
 
 
 def _stamps(traverse: Traverse, said: str) -> NDArray[np.float64]:
