@@ -130,6 +130,15 @@ def _opened(model: Model, source: str, every: float, outputs: Outputs) -> Traver
     return whole
 
 
+def _note_left(model: Model, whole: Traverse, chosen: Traverse, places: tuple[int, int] | None) -> None:
+    """Report which images of ``whole``, or of its ``places``, are not among the ``chosen``: the map lacks theirs."""
+    asked = whole.indices if places is None else whole.indices[slice(*places)]
+    left = np.setdiff1d(asked, chosen.indices)
+    if len(left):
+        said = f"{len(left)} of {len(asked)} images are left out, since the map has no places of their numbers"
+        stderr.print(f"note: {shown(whole.source)}: {said}: {ranges_of(left)}")
+
+
 def asked_places(route: Selection, model: Model, places: tuple[int, int] | None) -> tuple[int, int] | None:
     """The range of query images that ``route`` and the user ask ``model`` for, in whole traverses; None: the model's.
 
@@ -229,10 +238,8 @@ class TruthOptions:
         places = asked_places(route, model, places)
         whole = _opened(model, route.sources[0], route.every, outputs)
         chosen, told = self._chosen(model, whole, places)
-        left = len(whole) - len(chosen)
-        if skip and places is None and left:
-            said = f"{left} of {len(whole)} images are no queries, since the model has no places of their numbers"
-            stderr.print(f"note: {shown(whole.source)}: {said}")
+        if self.in_step:
+            _note_left(model, whole, chosen, places)
         (queries,) = readable([chosen], [self.where.positions]) if skip else (chosen,)
         queries = self.where.of(queries, len(whole)) if told else queries
         located = self.located(model, queries)

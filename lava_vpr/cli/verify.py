@@ -85,7 +85,7 @@ def verify(
             begin=lambda name: show(f"running {name}", len(queries) * asking.views),
         )
     values = {"backends": {verdict.name: verdict.as_json() for verdict in verdicts}}
-    show_results([*_in_words(verdicts), _table(verdicts)], {json_path: values})
+    show_results([*_in_words(verdicts), _table(verdicts, len(traverse))], {json_path: values})
     _judge(verdicts, named=bool(names))
 
 
@@ -119,8 +119,8 @@ _FURTHER = {"before": "front end", "gained": "gains"}
 """Properties of a verdict that have a column where there is something to count."""
 
 
-def _table(verdicts: list[Verdict]) -> Table:
-    """The table of the verdicts, with a row for each backend."""
+def _table(verdicts: list[Verdict], images: int) -> Table:
+    """The table of the verdicts, with a row for each backend; there are ``images`` that could be compared."""
     rows, further = [], [name for name in _FURTHER if any(getattr(verdict, name) for verdict in verdicts)]
     for verdict in verdicts:
         if verdict.reason is not None:
@@ -137,5 +137,7 @@ def _table(verdicts: list[Verdict]) -> Table:
     notes = [f"Spikes compared: of {of}exc and inh, which the network decides, and of inputs, which rates and key do."]
     if "gained" in further:
         notes.append("Gains: products of an input's activity and its gain, compared bit for bit.")
+    if verdicts[0].queries < images:
+        notes.append(f"Queries: the first {verdicts[0].queries} of {images:,} images; --limit N takes more.")
     columns = ("backend", "result", "queries", *(_FURTHER[name] for name in further), "exc, inh", "inputs", "R@1")
     return Table(columns, rows, tuple(notes), words=2)

@@ -78,10 +78,11 @@ def choose_queries(model: Model, whole: Traverse, places: tuple[int, int] | None
         return whole
     if len(whole) != model.route_images:
         queries = "1 query" if len(whole) == 1 else f"{len(whole)} queries"
+        fewer = f" (places of the map: {model.places})" if model.places < model.route_images else ""
         raise InputError(
-            f"{shown(whole.source)}: has {queries}, the references {model.route_images}: nothing says which "
+            f"{shown(whole.source)}: has {queries}, the references {model.route_images}{fewer}: nothing says which "
             "place a query shows; give --gt FILE, or --places A:B, or positions: train with --positions FILE|exif, "
-            "then --query-positions FILE|exif"
+            "then --query-positions FILE|exif; the command query needs none of these"
         )
     return whole.between(int(model.place_indices.min()), int(model.place_indices.max()) + 1)
 

@@ -69,12 +69,13 @@ def test_verify_compares_every_spike_however_queries_are_asked(here: Path) -> No
     words = ["verify", "m.lvpr", "query", "--limit", 3, "--json", "v.json", "--backend", "bundle"]
     seen = {}
     for how in ((), ("--query-views", 3, "--adapt", 2)):
-        run(*words, *how)
+        assert "Queries: the first 3 of 8 images; --limit N takes more." in run(*words, *how).stdout
         seen[how] = json.loads(Path("v.json").read_text())["backends"]["bundle"]
         assert seen[how]["equal"] is True
         assert seen[how]["queries"] == 3
     plain, asked = (told["spikes_compared"] for told in seen.values())
     assert asked > 2 * plain  # every view is
+    assert "Queries: the first" not in run(*words, "--limit", 8).stdout
 
 
 def test_eval_shows_adapted_figures_in_rows_of_their_own(here: Path) -> None:

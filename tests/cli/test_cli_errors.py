@@ -112,6 +112,11 @@ DATA: list[tuple[dict[str, bytes | str | None], str, str]] = [
         "eval m.lvpr query",
         "query: has 7 queries, the references 6: nothing says which place",
     ),
+    (
+        {"query/img9.png": PICTURE},
+        "eval m.lvpr query",
+        "then --query-positions FILE|exif; the command query needs none of these",
+    ),
     ({}, "eval m4.lvpr query --places 2:6", "--places 2:6 are partly places of the model and partly not"),
     (MORE, "eval m.lvpr query --places 2:9", "--places 2:9 are 7 queries for 6 other places"),
     (MORE, "eval m.lvpr query --places 6:9", "--places 6:9 are 3 queries for 6 other places"),

@@ -58,7 +58,13 @@ def test_only_queries_are_looked_at_and_images_that_are_none_are_counted(
     monkeypatch.setattr(Traverse, "load", lambda self, k: (read.add(int(self.indices[k])), load_image(self, k))[1])
     said = run("eval", "n.lvpr", "query", SKIP).stderr
     assert read == {0, 1, 2, 4, 5}
-    assert "note: query: 1 of 6 images are no queries, since the model has no places of their numbers\n" in said
+    left = "note: query: 1 of 6 images are left out, since the map has no places of their numbers: 3:4\n"
+    assert left in said
+    Path("query/img3.png").write_bytes(Path("query/img2.png").read_bytes())
+    Path("query/img4.png").write_bytes(Path("query/img2.png").read_bytes())
+    assert left in run("eval", "n.lvpr", "query").stderr  # whatever was asked for
+    assert "left out" not in run("eval", "n.lvpr", "query", "--gt", "gt.txt", "--places", "0:6").stderr
+    assert "left out" not in run("eval", "m.lvpr", "query").stderr
     assert "note: query: 1 of 5 images cannot be read and are skipped: 4 (img4.png); the first: " in said
 
 
@@ -198,6 +204,22 @@ def test_photos_without_a_position_are_counted_and_none_is_taken_silently(place:
     np.save("v.npy", np.random.default_rng(0).normal(size=(6, 20)))
     said = fails("train", "v.npy", "-o", "v.lvpr", "--positions", "exif")
     assert said == "v.npy: only image files have EXIF; give positions as a CSV or GPX file"
+
+
+def test_where_no_photo_has_a_position_none_is_to_be_left_out(place: Path) -> None:
+    photos("album", sorted(Path("ref").iterdir()), ORDER)
+    run("train", "album", *TRAIN, "--positions", "exif")
+    query, by = ("query", "n.lvpr"), ("--query-positions", "exif")
+    remedy = "give positions as a CSV or GPX file, or train without --positions (queries: without --query-positions)"
+    for words in (("train", "ref", *TRAIN, "--positions", "exif"), (*query, "ref", *by, "-o", "q.csv")):
+        for skip in ((), (SKIP,)):
+            said = fails(*words, *skip)
+            assert said == f"ref: none of its 6 photos says in its EXIF where it was taken; {remedy}"
+    said = fails(*query, "ref/img0.png", *by)
+    assert said.startswith("ref/img0.png: the photo does not say in its EXIF where it was taken; give ")
+    damage("ref/img2.png")
+    said = fails("train", "ref", *TRAIN, "--positions", "exif", SKIP)
+    assert said == "ref: none of its 6 images is left; copy them again"
 
 
 @pytest.mark.parametrize(

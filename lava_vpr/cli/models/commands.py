@@ -31,6 +31,7 @@ from lava_vpr.learning.references import encode_references, located_each
 from lava_vpr.maps.changes import check_extension, check_learned
 from lava_vpr.model import Model, lif_model
 from lava_vpr.positions.frames import Positions
+from lava_vpr.show.numbers import counted
 from lava_vpr.storage.writing import only_one
 from lava_vpr.training.measuring import calibrated
 from lava_vpr.training.preparing import check_references
@@ -106,7 +107,7 @@ def extend(
         seconds = time.perf_counter() - started
         _save(made, target)
     new = made.place_indices[model.places :]
-    _report(made, f"learned {len(new)} places more, {ranges_of(new)}, in {seconds:.1f} s", target)
+    _report(made, f"learned {counted(len(new), 'place')} more, {ranges_of(new)}, in {seconds:.1f} s", target)
 
 
 @click.command()
@@ -129,7 +130,7 @@ def remove(model_path: Path, places: tuple[tuple[int, int], ...], output: Path |
             made = maps.remove(model, indices, path=model_path, pool=Pool(jobs or cores()))
         _save(made, target)
     gone, lost = model.places - made.places, model.neurons - made.neurons
-    _report(made, f"removed {gone} places with {lost} neurons", target)
+    _report(made, f"removed {counted(gone, 'place')} with {counted(lost, 'neuron')}", target)
 
 
 @click.command()
@@ -231,7 +232,8 @@ def _refuse_bundle(path: Path) -> None:
 
 def _report(model: Model, done: str, path: Path) -> None:
     """Print what was done, and what the model is now."""
-    parts = f"{model.places} places in {len(model.stretches)} stretch{'es' if len(model.stretches) > 1 else ''}"
+    stretches = f"{len(model.stretches)} stretch{'es' if len(model.stretches) > 1 else ''}"
+    parts = f"{counted(model.places, 'place')} in {stretches}"
     tell(model, f"{done}: {parts}, {describe(model)}\nmodel: {shown(path)}")
 
 

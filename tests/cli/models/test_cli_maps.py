@@ -91,11 +91,15 @@ def test_remove_and_ask(here: Path) -> None:
     run("eval", "less.lvpr", "reference", "--json", "f.json")
     assert '"queries": 5' in Path("f.json").read_text()
     assert '"recall_at_1": 1.0' in Path("f.json").read_text()
-    run("eval", "less.lvpr", "reference", "--places", "1:7", "--json", "f.json")
+    left = run("eval", "less.lvpr", "reference", "--places", "1:7", "--json", "f.json").stderr
+    assert "3 of 6 images are left out, since the map has no places of their numbers: 1:2, 4:6\n" in left
     assert '"queries": 3' in Path("f.json").read_text()
     shutil.copy("less.lvpr", "in_place.lvpr")
-    run("remove", "in_place.lvpr", "0")
+    assert run("remove", "in_place.lvpr", "0").stdout.startswith("removed 1 place with 1 neuron: 4 places in 1 str")
     assert model.load("in_place.lvpr").places == 4
+    Path("some.txt").write_text("".join(f"{path}\n" for path in sorted(Path("query").iterdir())[:5]))
+    said = fails("eval", "less.lvpr", "some.txt")
+    assert "has 5 queries, the references 8 (places of the map: 5): nothing says which place a query shows" in said
 
 
 def test_a_changed_map_is_deployed_and_verified(here: Path) -> None:
