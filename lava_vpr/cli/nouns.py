@@ -265,9 +265,8 @@ class Learning:
         Raises:
             ModelFileError: a file cannot be used.
         """
-        asking = self.replayed(asking)
-        season = None if self.season is None else load_season(self.season)
-        return replace(asking, learn=self.learn, season=season, written=self.gains is not None)
+        asking = replace(self.replayed(asking), learn=self.learn, written=self.gains is not None)
+        return replace(asking, season=None if self.season is None else load_season(self.season))
 
     def replayed(self, asking: Asking) -> Asking:
         """``asking`` as it was presented before, if that is replayed.
