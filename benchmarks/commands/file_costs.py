@@ -31,7 +31,7 @@ from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.mapping.largest_map import largest, sizing_of
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import LAT_LON, Positions
-from lava_vpr.positions.track import gpx_text
+from lava_vpr.positions.gpx import gpx_text
 from lava_vpr.storage.limits import limit
 from lava_vpr.storage.writing import temporary_folder
 from lava_vpr.training.loop import split

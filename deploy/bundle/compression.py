@@ -12,7 +12,7 @@ from lava_vpr.cluster.tasks import Pool
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.registers.synapses import lateral_synapse
-from lava_vpr.engine.gains import FULL
+from lava_vpr.engine.gains import learned_under
 from lava_vpr.engine.inference import quantise
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import ConfigError, NetworkLimitError, shown
@@ -132,8 +132,8 @@ def under_gains(model: Model, gains: NDArray[np.uint8], *, threads: int = 1) -> 
         ConfigError: no float weights, or no gain is above 0.
     """
     source = with_settings(model, UNCHANGED)
-    learned = source.learned * (gains[:, None] / np.float32(FULL))
-    return calibrated(requantised(replace(source, learned=learned), threads=threads), Pool(threads))
+    source = replace(source, learned=learned_under(source.learned, gains))
+    return calibrated(requantised(source, threads=threads), Pool(threads))
 
 
 def with_settings(model: Model, changes: Changes) -> Model:

@@ -18,7 +18,7 @@ from lava_vpr.backends.interface import Presentations
 from lava_vpr.config import EncoderConfig
 from lava_vpr.encoding import EncodedTraverse
 from lava_vpr.engine.adaptation import Adaptation
-from lava_vpr.engine.gains import FULL, Reference, Season, biases_under, expected
+from lava_vpr.engine.gains import FULL, Reference, Season, biases_under, expected, learned_under
 from lava_vpr.engine.inference.direct import strengths
 from lava_vpr.engine.rates import query_rates16
 from lava_vpr.matching.answers import Answers
@@ -87,8 +87,8 @@ class Learner:
             return
         from lava_vpr.training.loop import integer_network  # only who learns, or knows a season, waits for it
 
-        own, share = self._plain, gains[:, None] / np.float32(FULL)
-        network = integer_network(own.learned * share, own.config, own.stretches, own.activity)
+        own = self._plain
+        network = integer_network(learned_under(own.learned, gains), own.config, own.stretches, own.activity)
         self.model, self._adaptation.network = replace(own, network=network, bundle=None), network
         self._weighed_by = gains.copy()
 

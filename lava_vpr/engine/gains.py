@@ -138,6 +138,11 @@ def gains_of(sums: NDArray[np.int64], variance: NDArray[np.int64]) -> NDArray[np
     return np.minimum(np.rint(FULL * np.maximum(both, 0.0) / np.sqrt(own * query)), FULL).astype(np.uint8)
 
 
+def learned_under(learned: NDArray[np.float32], gains: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """What was learned of each input, float32 (inputs, neurons), times its gain, uint8 (inputs,)."""
+    return learned * (gains[:, None] / np.float32(FULL))
+
+
 class Digits(NamedTuple):
     """Activity in whole numbers, which a chip can multiply by gains: mantissas in digits, highest first, and exponents.
 

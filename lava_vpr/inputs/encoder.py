@@ -2,8 +2,7 @@
 
 Everything that belongs to a kind of input is in its row: the number of channels, their response to an image, and how a
 report draws what a neuron has learned about them. A new kind is a function and a row in `INPUTS`: settings, commands,
-files and reports use the row. This module also defines what is kept of images, or of vectors, after they are read and
-encoded.
+files and reports use the row. `Keep` says what is kept of images, or of vectors, after they are encoded.
 """
 
 from __future__ import annotations

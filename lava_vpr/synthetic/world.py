@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from lava_vpr.errors import ConfigError, InputError, shown
 from lava_vpr.interrupts import held
 from lava_vpr.positions.frames import LAT_LON, Positions, shown_stamp, utm_frame
-from lava_vpr.positions.track import gpx_text
+from lava_vpr.positions.gpx import gpx_text
 from lava_vpr.storage.writing import folder_beside, read_only
 from lava_vpr.synthetic.drawing import Camera, Painter, draw_backdrop, draw_land
 from lava_vpr.synthetic.scene import LOOKS, OCCLUDER, SKY, SURVEY, VIEW, WEATHER, ahead, generator, route

@@ -22,7 +22,7 @@ from support.common.imagefiles import refused
 from lava_vpr.errors import ConfigError, InputError
 from lava_vpr.inputs.orientation import orientation_channels
 from lava_vpr.inputs.patches import patch_normalised
-from lava_vpr.positions.track import read_gpx
+from lava_vpr.positions.gpx import read_gpx
 from lava_vpr.synthetic import world as synthetic
 from lava_vpr.synthetic.scene import LOOKS, ahead, route, segment
 from lava_vpr.synthetic.world import CONDITIONS, World, positions, render, track, write_traverses

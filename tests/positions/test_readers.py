@@ -12,7 +12,8 @@ from support.common.imagefiles import refused, written
 
 from lava_vpr.errors import InputError
 from lava_vpr.positions.frames import LAT_LON, XY, Positions, positions_of_names, stamp_of, stamps_of_names
-from lava_vpr.positions.track import gpx_text, read_gpx, read_stamps, read_table, read_track
+from lava_vpr.positions.gpx import gpx_text, read_gpx
+from lava_vpr.positions.track import read_stamps, read_table, read_track
 from lava_vpr.storage.limits import variable
 
 NOON = datetime(2024, 5, 1, 12, tzinfo=timezone.utc).timestamp()

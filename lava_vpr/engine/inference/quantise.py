@@ -180,7 +180,7 @@ def quantise(
         network: Settings.
         shown: The references, stretch after stretch; together they hold all neurons.
         encoder: Settings of the inputs, cells that neurons may hear directly: then rates are
-            `lava_vpr.engine.rates.strengths`; None: inputs have rates.
+            `lava_vpr.engine.inference.direct.strengths`; None: inputs have rates.
     Raises:
         ConfigError: no reference drives its neuron more than the others do, or a presentation would have silent steps
             only.

@@ -49,7 +49,8 @@ from lava_vpr.deploy.bundle.deployment import deploy
 from lava_vpr.engine.inference.fixed import FixedNetwork
 from lava_vpr.errors import LavaVprError
 from lava_vpr.model import Model, content, load, save
-from lava_vpr.positions.track import read_gpx, read_table
+from lava_vpr.positions.gpx import read_gpx
+from lava_vpr.positions.track import read_table
 from lava_vpr.show.table import Table
 from lava_vpr.storage import container
 from lava_vpr.storage.limits import LIMITS, variable
