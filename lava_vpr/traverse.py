@@ -38,6 +38,7 @@ from lava_vpr.positions.frames import (
 )
 from lava_vpr.positions.track import MOST_GAP_S, PositionRequest, images_on, read_stamps, read_track
 from lava_vpr.readers import EVENTS, Found, found_vectors, open_source
+from lava_vpr.show.numbers import agreeing
 from lava_vpr.vectors.files import Vectors, VectorSource
 
 _NOTES = logging.getLogger("lava_vpr")
@@ -247,12 +248,15 @@ def readable(traverses: Sequence[Traverse], positions: Sequence[object] = ()) ->
             raise _none_placed(traverse)
         if own:
             some = ", ".join(f"{traverse.indices[k]} ({traverse.names[k]})" for k in [*own][:_NAMED])
-            without = ", or do not say where they were taken," if any(photos) else ""
-            said = f"{len(own)} of {len(traverse)} images cannot be read{without} and are skipped: {some}"
-            more = f" and {len(own) - _NAMED} more" if len(own) > _NAMED else ""
-            _NOTES.warning(f"{where}: {said}{more}; the first: {next(iter(own.values()))}")
-        if len(out) > len(own):
-            _NOTES.warning(f"{where}: {len(out) - len(own)} more are skipped, which show the places of such images")
+            where_taken = agreeing(len(own), "does not say where it was", "do not say where they were")
+            without = f", or {where_taken} taken," if any(photos) else ""
+            skip = agreeing(len(own), "is", "are")
+            said = f"{len(own)} of {len(traverse)} images cannot be read{without} and {skip} skipped: {some}"
+            others = f" and {len(own) - _NAMED} more" if len(own) > _NAMED else ""
+            _NOTES.warning(f"{where}: {said}{others}; the first: {next(iter(own.values()))}")
+        if more := len(out) - len(own):
+            skip = agreeing(more, "is", "are")
+            _NOTES.warning(f"{where}: {more} more {skip} skipped, since an image of the same number is")
         if len(out) == len(traverse):
             raise InputError(f"{where}: none of its {len(traverse)} images is left; copy them again")
         kept.append(traverse.take(k for k in range(len(traverse)) if k not in out) if out else traverse)
@@ -321,9 +325,11 @@ def _by_photos(traverse: Traverse) -> Traverse:
         raise _none_placed(traverse)
     if lost:
         first = f"the first is {traverse.names[lost[0]]}, image {traverse.indices[lost[0]]}"
+        one, more = "does not say in its EXIF where it was", "do not say in their EXIF where they were"
+        say = agreeing(len(lost), one, more)
         raise UnplacedError(
-            f"{shown(traverse.source)}: {len(lost)} of {len(found)} photos do not say in their EXIF where they were "
-            f"taken ({first}); give positions as a CSV or GPX file"
+            f"{shown(traverse.source)}: {len(lost)} of {len(found)} photos {say} taken ({first}); give positions as a "
+            "CSV or GPX file"
         )
     positions = Positions(np.array([photo.where for photo in found], np.float64).reshape(-1, 2), LAT_LON)
     known = [photo.when for photo in found if photo.when is not None]

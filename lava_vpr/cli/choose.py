@@ -18,6 +18,7 @@ from lava_vpr.errors import InputError, shown
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import EXIF, in_photos
 from lava_vpr.positions.track import MOST_GAP_S
+from lava_vpr.show.numbers import agreeing
 from lava_vpr.traverse import Traverse, located, open_traverse, ranges_of, readable, unread_exif
 from lava_vpr.truth.alignment import (
     NEAR_M,
@@ -135,8 +136,10 @@ def _note_left(model: Model, whole: Traverse, chosen: Traverse, places: tuple[in
     asked = whole.indices if places is None else whole.indices[slice(*places)]
     left = np.setdiff1d(asked, chosen.indices)
     if len(left):
-        said = f"{len(left)} of {len(asked)} images are left out, since the map has no places of their numbers"
-        stderr.print(f"note: {shown(whole.source)}: {said}: {ranges_of(left)}")
+        are = agreeing(len(left), "is", "are")
+        what = agreeing(len(left), "place of its number", "places of their numbers")
+        said = f"{len(left)} of {len(asked)} images {are} left out, since the map has no {what}: {ranges_of(left)}"
+        stderr.print(f"note: {shown(whole.source)}: {said}")
 
 
 def asked_places(route: Selection, model: Model, places: tuple[int, int] | None) -> tuple[int, int] | None:

@@ -87,6 +87,11 @@ def counted(count: int, noun: str) -> str:
     return f"{count:,} {noun}{'' if count == 1 else 's'}"
 
 
+def agreeing(count: int, one: str, more: str) -> str:
+    """The words that follow ``count``: ``one`` after 1, else ``more``."""
+    return one if count == 1 else more
+
+
 def named(name: str) -> str:
     """A key as words."""
     return name.replace("_", " ")
