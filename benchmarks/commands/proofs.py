@@ -36,7 +36,7 @@ class Proof(NamedTuple):
 def fitted(places: int) -> Proof:
     """What a map of reference images takes."""
     train = f"lava-vpr train $LAVA_VPR_DATA/data/nordland/summer --places 0:{places} -o $T/m.lvpr"
-    printed = r"(?s)0:0 .*? │ +(\d\d\.\d %) │.*?all +│ (\d+ of 256 cores) .*?Modelled.*?: ([\d.]+ ms).*?, ([\d.]+ µs)"
+    printed = r"(?s)0:0 .*? │ +(\d\d\.\d %) │.*?all +│ (\d+ of 256 cores) .*?to take ([\d.]+ ms).*?, a step ([\d.]+ µs)"
     what = f"{places} places: synapse memory of the first core, cores; a query of reference images, a step, modelled"
     return Proof(what, f"{train} && lava-vpr fit $T/m.lvpr --target kapoho-bay", printed)
 

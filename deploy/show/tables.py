@@ -41,6 +41,20 @@ def modelled_time(plan: Plan) -> str:
     )
 
 
+def in_short(plan: Plan, beliefs: int) -> str:
+    """The modelled times, or that it is unknown what fits, and the number of unproven ``beliefs``, as a sentence."""
+    first = "Whether it fits is unknown: it is beyond none of the public numbers"
+    if plan.times is not None:
+        query, step = ranged(plan.times.milliseconds, "ms"), ranged(plan.times.step_microseconds, "µs")
+        first = f"A query of its references is modelled to take {query}, a step {step}"
+    return f"{first}; this rests on {beliefs} beliefs that no public source shows (docs/hardware.md)."
+
+
+def told_in_short(plan: Plan) -> bool:
+    """Whether the table has every core and no neuron passes on the spikes of others, so that `in_short` says enough."""
+    return len(plan.cores) <= MOST_ROWS and not (plan.network.leaves or plan.network.relayed)
+
+
 def rows_of(plan: Plan, core: CorePlan) -> tuple[int | None, int | None]:
     """The numbers of inputs' rows that a core stores dense and sparse; a row without any weight is not stored."""
     if not plan.board.memory.public:
@@ -81,7 +95,9 @@ def core_table(plan: Plan, *, most: int = MOST_ROWS) -> Table:
     figures = ("compartments", "axons in", "axons out", "synapse memory", "dense rows", "sparse rows", "a step")
     rules = frozenset({len(rows)})
     rows.append(_totals(plan))
-    caption = "axons out, dense rows and time of each core: fit MODEL --json FILE"
+    caption = (
+        "axons out, dense rows and time of each core: fit MODEL --json FILE; drawn and in words: --picture FILE.svg"
+    )
     heads, aside = ("core", "holds", *figures), frozenset({4, 6, 7, 8})
     return Table(heads, rows, (caption,), plan.board.title, words=2, rules=rules, aside_columns=aside)
 

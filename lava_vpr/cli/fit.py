@@ -116,7 +116,7 @@ def _model(
         plan = timed(plan_of(compressed.model, board, dense_rows=dense_rows), compressed.model)
     rows = unproven(plan)
     tables, before = _front_end(model.config.encoder, board, len(plan.cores))
-    said = [*placed(plan, compressed.notes, rows), *tables]
+    said = [*placed(plan, compressed.notes, rows, short=True), *tables]
     files: dict[Path | None, str | dict[str, Any]] = {
         json_path: {
             "target": board.name,

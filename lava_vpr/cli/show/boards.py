@@ -47,21 +47,25 @@ def check_dense_rows(board: Board, dense_rows: bool) -> None:
         raise click.UsageError(f"--dense-rows needs --target {able}: how {board.title} stores rows is not public")
 
 
-def placed(plan: Plan, notes: Iterable[str], beliefs: Sequence[HardwareBelief]) -> list[Table | str]:
+def placed(
+    plan: Plan, notes: Iterable[str], beliefs: Sequence[HardwareBelief], *, short: bool = False
+) -> list[Table | str]:
     """Where neurons stand, and what that rests on, for the terminal.
 
     Args:
         plan: Where they stand.
         notes: What was changed for the board; printed on stderr.
         beliefs: Unproven beliefs that it rests on; those are named that not all bundles for its board have.
+        short: Whether two sentences are to do for a network of few cores.
     """
-    from lava_vpr.deploy.show.tables import core_table, summary
+    from lava_vpr.deploy.show.tables import core_table, in_short, summary, told_in_short
 
     for note in notes:
         stderr.print(f"note: {note}")
     (cores, *others), fits = summary(plan), "It fits" if plan.board.memory.public else "It may fit"
     verdict = f"{fits} {plan.board.title}: {cores[0].lower()}{cores[1:]}"
-    return [verdict, core_table(plan), "\n".join(others), rests_on(beliefs)]
+    told = [in_short(plan, len(beliefs))] if short and told_in_short(plan) else ["\n".join(others), rests_on(beliefs)]
+    return [verdict, core_table(plan), *told]
 
 
 def rests_on(beliefs: Collection[HardwareBelief]) -> str:

@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from lava_vpr.cli.show.boards import placed, rests_on
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2, Board
 from lava_vpr.deploy.boards.constants import Estimate
 from lava_vpr.deploy.boards.memory import row_words
 from lava_vpr.deploy.boards.plan import CorePlan, Load, Needs, Plan, PopulationName, PopulationPart, Times
 from lava_vpr.deploy.show.drawing import COLOURS, MOST_CARDS, WIDTH, draw, figure_of
-from lava_vpr.deploy.show.tables import busiest, core_table, rows_of, share, summary
+from lava_vpr.deploy.show.tables import busiest, core_table, in_short, rows_of, share, summary
 from lava_vpr.engine.inference.fixed import FixedNetwork
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -234,6 +235,14 @@ def test_long_tables_leave_out_the_middle() -> None:
     assert names == ["core", "0:0", "0:1", "0:2", "...", "0:118", "0:119", "0:120", "all"]
     assert rows[4][1] == "115 more cores"
     assert len([row for row in lines(plan(600), most=6) if len(row) == 9]) == 8
+
+
+def test_only_of_a_small_plan_fit_tells_in_short() -> None:
+    cores, relays, leaves = plan(1000, each=20), plan(1500), plan(5000, bias_input=True, each=500)
+    for one, short in ((plan(500), True), (plan(500, LOIHI_2), True), (cores, False), (relays, False), (leaves, False)):
+        told = placed(one, (), (), short=True)
+        assert told[0] == placed(one, (), ())[0]
+        assert told[2:] == ([in_short(one, 0)] if short else ["\n".join(summary(one)[1:]), rests_on(())])
 
 
 def test_the_summary_says_what_limits_and_what_clears() -> None:
