@@ -10,6 +10,7 @@ from contextlib import suppress
 from typing import Any
 
 from lava_vpr import interrupts
+from lava_vpr.kernelcache import COMPILING, note_compiling
 
 
 class Output(io.TextIOWrapper):
@@ -51,6 +52,7 @@ def run() -> None:
     """
     interrupts.install()
     mend_streams()
+    COMPILING.append(note_compiling)
     os.environ.update(MPLBACKEND="agg", MATPLOTLIBRC=os.devnull)  # drawings are files, and the same for everybody
     code: object = 1
     whole: list[int] = []  # the exit code, when nothing more is to be reported

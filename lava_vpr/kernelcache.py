@@ -12,6 +12,7 @@ import logging
 import os
 import re
 import stat
+import sys
 import tempfile
 import time
 import warnings
@@ -32,6 +33,14 @@ _began = _spent = 0.0
 COMPILING_TEXT = "compiling kernels (first run)"
 COMPILING: list[Callable[[bool], None]] = []
 """Callbacks for compilation, of which the last is called: True when a kernel begins, False when it is done."""
+
+
+def note_compiling(begun: bool) -> None:
+    """Print once that kernels are compiled: the callback of a program, under those of whatever is drawn meanwhile."""
+    if begun:
+        COMPILING.remove(note_compiling)
+        with contextlib.suppress(OSError):
+            print(f"note: {COMPILING_TEXT}", file=sys.stderr, flush=True)
 
 
 def drop_stale() -> None:

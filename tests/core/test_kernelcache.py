@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import importlib.util
 import os
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 import pytest
 from numba.core import caching, config
 from numba.core.cpu import CPUContext
+from support.common import children
 
 from lava_vpr import kernelcache
 
@@ -125,3 +127,45 @@ def test_a_kept_kernel_needs_nothing_that_only_compiling_needs(
     again = kernelcache.compiled()(kernel.py_func)
     assert again(1, 2) == 3
     assert len(again.stats.cache_hits) == 1
+
+
+PROGRAM = """
+import sys
+sys.path.insert(0, sys.argv.pop())
+import kernels
+from lava_vpr import __main__, cli, kernelcache
+
+def main(prog_name):
+    kernel = kernelcache.compiled()(kernels.plus)
+    print(kernel(1, 2), kernel(1.5, 2.0))
+
+cli.main = main
+__main__.run()
+"""
+
+
+def test_a_program_notes_once_that_it_compiles_and_nothing_where_it_does_not(
+    kernel: Callable[..., Any], tmp_path: Path
+) -> None:
+    for said in (f"note: {kernelcache.COMPILING_TEXT}\n", ""):  # compiled, then read
+        with (tmp_path / "said").open("w+") as err:
+            done = children.run(
+                [sys.executable, "-c", PROGRAM, tmp_path], stdout=subprocess.PIPE, stderr=err, text=True
+            )
+            err.seek(0)
+            assert (done.stdout, err.read()) == ("3 3.5\n", said)
+
+
+def test_what_is_drawn_says_instead_of_a_note_that_kernels_are_compiled(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told: list[bool] = []
+    monkeypatch.setattr(kernelcache, "COMPILING", [kernelcache.note_compiling, told.append])
+    kernelcache._tell(True)
+    kernelcache._tell(False)
+    assert (told, capsys.readouterr().err) == ([True, False], "")
+    kernelcache.COMPILING.pop()
+    for _ in range(2):
+        kernelcache._tell(True)
+        kernelcache._tell(False)
+    assert capsys.readouterr().err == f"note: {kernelcache.COMPILING_TEXT}\n"

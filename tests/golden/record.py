@@ -77,7 +77,14 @@ _DOCTOR = replaced(
 RULES = (
     Rule("asking/*", "f.json", _rounded, "the last bits of matrix products differ between kinds of processors"),
     Rule("*", "std*", replaced(r"\bin \d+\.\d s\b", "in <clock> s"), "seconds of the clock"),
-    Rule("*", "std*", replaced(r" \(and \d+ s compiling, in the first run alone\)", ""), "a cache of kernels"),
+    Rule(
+        "*",
+        "std*",
+        replaced(
+            r" \(and \d+ s compiling, in the first run alone\)", "", r"note: compiling kernels \(first run\)\n", ""
+        ),
+        "a cache of kernels",
+    ),
     Rule("*", "std*", replaced(r"127\.0\.0\.1:\d+", "127.0.0.1:<port>"), "a free port"),
     Rule("boards/bench*", "stdout", _NUMBERS, "numbers, and widths of columns, that a clock measured"),
     Rule("boards/bench*", "f.json", leaves(_unmeasured), "what a clock measured, and energies computed from it"),
