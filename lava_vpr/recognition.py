@@ -85,6 +85,12 @@ class Recognition:
     counts: NDArray[Any] = field(repr=False)
     events: dict[str, int]
 
+    @property
+    def changed(self) -> dict[tuple[str, str], Metrics]:
+        """The figures ``adapted`` and ``learned``, by matcher and by `ADAPTED` or `GAINS`."""
+        ways = {ADAPTED: self.adapted, GAINS: self.learned}
+        return {(name, way): metrics for way, found in ways.items() for name, metrics in found.items()}
+
 
 def count_query_spikes(
     model: Model,
@@ -145,6 +151,8 @@ class Comparison:
 
 SINGLE, FILTERED, SMOOTHED = "single", "filtered", "forward_backward"
 """What figures are called of queries by themselves, of the forward filter, and of the same with later queries seen."""
+ADAPTED, GAINS = "adapted", "gains"
+"""What figures are called of queries to which the network adapts, and of such whose inputs have gains."""
 EVERYTHING = Comparison()
 """Each query alone, with every baseline that the model can be compared with."""
 DECODERS_ONLY = Comparison(rivals=(), keep_scores=False)

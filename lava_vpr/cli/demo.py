@@ -22,7 +22,7 @@ from lava_vpr.cli.common import (
 )
 from lava_vpr.cli.outputs import Outputs, write_json
 from lava_vpr.cli.show.learning import TERMINAL
-from lava_vpr.cli.show.recall import in_words, recall_table, trust_tables
+from lava_vpr.cli.show.recall import MEANING, in_words, recall_table, trust_tables
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.encoding import Keep
 from lava_vpr.engine.presentations import cores
@@ -128,8 +128,9 @@ def demo(out: Path) -> None:
     comparison = Comparison(motion="any", calibration=calibration_of(model))
     with backend_progress("host", len(queries)):
         result = recognise(model, queries, aligned_truth(model, traverse), comparison, pool=Pool(cores()))
-    for table in (in_words(result), recall_table(model, result, details="in the report"), *trust_tables(result)):
-        print_whole(table)
+    table = recall_table(model, result, details="in the report")
+    for said in (in_words(result), MEANING, table, *trust_tables(result)):
+        print_whole(said)
     with stage("writing the report"):
         write_page(page(report_data(model, queries, result, "lava-vpr demo", 1, None)), results[-1])
     write_json(out / "figures.json", as_json(model, result))

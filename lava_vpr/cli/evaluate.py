@@ -35,7 +35,7 @@ from lava_vpr.cli.nouns import (
 from lava_vpr.cli.outputs import command_line
 from lava_vpr.cli.show.clusters import cluster_option, pool_at
 from lava_vpr.cli.show.headings import COMPARED, TOGETHER, under
-from lava_vpr.cli.show.recall import in_words, recall_table, trust_tables
+from lava_vpr.cli.show.recall import MEANING, in_words, recall_table, trust_tables
 from lava_vpr.datasets.selecting import Benchmark, Selection
 from lava_vpr.encoding import EncodedTraverse, Keep
 from lava_vpr.matching.evaluation import leaps
@@ -191,7 +191,7 @@ def _said(
 ) -> Iterator[Table | str]:
     """The tables, and what they do not say."""
     result, *again = found
-    yield in_words(result, compared.sequence, len(found))
+    yield from (in_words(result, compared.sequence, len(found)), MEANING)
     yield recall_table(model, result, compared.sequence, again)
     if errors is not None:
         yield errors.in_words()

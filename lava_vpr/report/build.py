@@ -95,6 +95,7 @@ def report_data(
         map=None if errors is None else map_of(errors.located, n, places, errors.in_words()),
         trust=result.trust,
         followed=result.followed,
+        changed=result.changed,
         season=Trusted.of(model, result.season),
         layers=_layers(model, queries.names, queries.thumbnails, queries.grey, result.matches, result.confidence),
     )

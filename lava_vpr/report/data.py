@@ -88,6 +88,7 @@ class ReportData:
         trust: How well probabilities agree with the truth, by way of answering, ``single`` and ``filtered``; empty if
             no probabilities are known.
         followed: Figures of a filter, ``filtered`` and ``forward_backward``; empty if there was none.
+        changed: Figures of matchers where the network adapts, and where inputs have gains, by matcher and way.
         season: The gains after the last query; None if all inputs count alike.
         layers: The spikes of the front end for one query; None without a spiking front end.
     """
@@ -119,6 +120,7 @@ class ReportData:
     map: MapData | None = None
     trust: Mapping[str, Trust] = field(default_factory=dict)
     followed: Mapping[str, Metrics] = field(default_factory=dict)
+    changed: Mapping[tuple[str, str], Metrics] = field(default_factory=dict)
     season: Trusted | None = None
     layers: Layers | None = None
 

@@ -10,12 +10,19 @@ import numpy as np
 
 from lava_vpr.matching.decoders import DECODERS
 from lava_vpr.matching.evaluation import TITLES, values_of
+from lava_vpr.recognition import ADAPTED, GAINS
 from lava_vpr.report import layers, season, sections, trust
 from lava_vpr.report.data import ReportData, label
 from lava_vpr.report.plots import precision_recall, series_style
 from lava_vpr.show.numbers import fraction, is_number
 from lava_vpr.show.page import Section, sheet
 from lava_vpr.show.templates import plain, render, safe, text
+
+WAYS = {
+    ADAPTED: "Adapted: what stays the same over the queries before is subtracted.",
+    GAINS: "Gains: inputs count as much as sure answers have taught.",
+}
+"""What makes figures differ from those of the same matcher without, by the way's name."""
 
 
 def is_baseline(name: str, default: str) -> bool:
@@ -60,26 +67,29 @@ def _header(data: ReportData) -> str:
 
 def _table(data: ReportData) -> str:
     """The table of figures, a row for each matcher; the best figure of each column is bold."""
-    rows = {name: values_of(figures) for name, figures in data.metrics.items()}
+    shown = {(name, ""): figures for name, figures in data.metrics.items()} | dict(data.changed)
+    names = [*data.metrics]
+    rows = {key: values_of(shown[key]) for key in sorted(shown, key=lambda key: names.index(key[0]))}
     best = [
         max((value for value in column if is_number(value)), default=math.inf)
         for column in zip(*rows.values(), strict=True)
     ]
     body, mark = [], ' class="best"'
-    for name, values in rows.items():
-        default = name == data.default_decoder
+    for (name, way), values in rows.items():
+        default, title = name == data.default_decoder, safe(f"{label(name)}, {way}" if way else label(name))
         kind = "default decoder" if default else "baseline" if is_baseline(name, data.default_decoder) else "decoder"
         cells = "".join(
             f'<td data-value="{v if is_number(v) else ""}"{mark if v == best[c] else ""}>{fraction(v, 3)}</td>'
             for c, v in enumerate(values)
         )
         body.append(
-            f'<tr{" class=default" if default else ""}><th scope="row" data-value="{safe(label(name))}">'
-            f'{safe(label(name))}<span class="tag{" default" if default else ""}">{kind}</span></th>{cells}</tr>'
+            f'<tr{" class=default" if default else ""}><th scope="row" data-value="{title}">{title}'
+            f'<span class="tag{" default" if default else ""}">{kind}</span></th>{cells}</tr>'
         )
     heads = "".join(f'<th scope="col"><button type="button">{c}</button></th>' for c in ("Matcher", *TITLES.values()))
-    sees = " ".join(f"{label(name)}: sees {what}." for name, what in data.seen.items())
-    return render("report_figures.html", heads=heads, rows="".join(body), sees=safe(sees))
+    sees = [f"{label(name)}: sees {what}." for name, what in data.seen.items()]
+    sees += [told for way, told in WAYS.items() if any(way == key[1] for key in data.changed)]
+    return render("report_figures.html", heads=heads, rows="".join(body), sees=safe(" ".join(sees)))
 
 
 def _curves(data: ReportData) -> str:

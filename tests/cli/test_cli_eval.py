@@ -316,7 +316,10 @@ def test_seeds_are_asked_one_by_one_and_shown_as_mean_and_range(here: Path) -> N
         assert found["baselines"]["template"] == one["baselines"]["template"]
     assert several["decoders"] == alone[0]["decoders"]
     said = run("eval", "s.lvpr", "query", "--seed", 4, "--seeds", 3).stdout
-    assert re.match(r"Recognised the place in \d of 8 queries, with the first of 3 seeds\.\n", said)
+    first, *meaning = said.splitlines()[:4]
+    assert re.fullmatch(r"Recognised the place in \d of 8 queries, with the first of 3 seeds\.", first)
+    assert [line.partition(":")[0] for line in meaning] == ["R@1", "R@100P", "AUC"]
+    assert said.count("R@100P:") == 1
     assert "\nR@5, R@10, P@100R, AUC and the other decoders: --report, --table or --json\n" in said
     rows = {row["matcher"]: row for row in csv.DictReader(Path("t.csv").read_text().splitlines())}
     areas = [100 * one["decoders"]["weighted"]["auc"] for one in alone]

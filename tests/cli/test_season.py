@@ -177,6 +177,7 @@ def test_pages_show_what_is_trusted(here: Path) -> None:
             run(command, "m.lvpr", "query", *words, *how, "--report", "r")
             text = Path("r", {"query": "query.html", "eval": "report.html"}[command]).read_text()
             assert ("What the map has learned to trust" in text) == there
+            assert ("contrast, gains" in text) == (there and command == "eval")
             assert ("8 answers, of which" in text) == ("yellow where inputs are trusted" in text) == there
 
 

@@ -327,6 +327,18 @@ document.body.textContent = "FOUND" + JSON.stringify(found);
 """
 
 
+def test_figures_with_gains_stand_below_those_without() -> None:
+    metrics = example().metrics
+    changed = {("sad", "adapted"): metrics["cosine"], ("contrast", "gains"): metrics["sad"]}
+    table = page(example(changed=changed)).partition('<section id="figures">')[2].partition("</section>")[0]
+    rows = dict(re.findall(r'<th scope="row" data-value="([^"]*)".*?<td data-value="([^"]*)"', table))
+    assert list(rows) == ["contrast", "contrast, gains", "SAD", "SAD, adapted", "cosine of the inputs", "weighted"]
+    assert rows["contrast, gains"] == rows["SAD"] != rows["contrast"]
+    assert "Gains: inputs count as much" in table
+    assert "Adapted: what stays" in table
+    assert "Gains:" not in page(example(changed={("sad", "adapted"): metrics["sad"]}))
+
+
 def test_its_switches_work(report: Path, tmp_path: Path) -> None:
     state = acted(report.read_text(encoding="utf-8"), ACTIONS, tmp_path)
     assert state.pop("order") == sorted((m.recall_at_1 for m in example().metrics.values()), reverse=True)

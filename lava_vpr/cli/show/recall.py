@@ -15,6 +15,13 @@ from lava_vpr.recognition import SINGLE, Recognition
 from lava_vpr.show.numbers import percent
 from lava_vpr.show.table import Table
 
+MEANING = (
+    "R@1: percent of the queries whose best match is a right place; R@N: one of the N best is.\n"
+    "R@100P: percent recognised before the first wrong match, the surest first.\n"
+    "AUC: how well confidence tells right matches from wrong ones, at best 100 (the area under precision over recall)."
+)
+"""The figures of `recall_table`, as lines to read before it."""
+
 
 def in_words(result: Recognition, sequence: int = 1, seeds: int = 1) -> str:
     """How many queries were recognised, in a sentence; of several ``seeds``, with the first."""
@@ -39,8 +46,6 @@ def recall_table(
     what = "queries" if sequence == 1 else f"sequences of {sequence} queries"
     title = f"{len(result.matches)} {what}, {model.places} places, {model.neurons} neurons"
     notes = [
-        "percent of the queries; R@N: a right place is among the N best",
-        "R@100P: the largest recall without a single wrong match",
         "* the network, by the decoder that answers; the others see the same images:",
     ]
     notes += [f"{name} sees {BASELINES[name]}" for name in result.metrics if name in BASELINES]
@@ -65,8 +70,7 @@ def _groups(result: Recognition) -> tuple[dict[str, Metrics], ...]:
     names = [result.default, *(name for name in result.metrics if name != result.default)]
     return (
         {name + (" *" if name == result.default else ""): result.metrics[name] for name in names},
-        {f"{name}, adapted": metrics for name, metrics in result.adapted.items()}
-        | {f"{name}, gains": metrics for name, metrics in result.learned.items()},
+        {f"{name}, {way}": metrics for (name, way), metrics in result.changed.items()},
         {name.replace("_", "-"): metrics for name, metrics in result.followed.items()},
     )
 
