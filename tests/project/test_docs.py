@@ -108,6 +108,12 @@ def test_security_is_found_from_the_readme() -> None:
     assert "docs/security.md" in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
+def test_the_readme_says_before_the_first_command_where_it_runs() -> None:
+    before, command, _ = (ROOT / "README.md").read_text(encoding="utf-8").partition("```sh\nmake demo ")
+    assert command
+    assert before.endswith("In a clone of this repository:\n\n")
+
+
 def test_the_readme_is_read_in_minutes() -> None:
     """At most 900 words, code and tables among them."""
     text = re.sub(r"<!--.*?-->|\|", " ", (ROOT / "README.md").read_text(encoding="utf-8"))
