@@ -23,6 +23,7 @@ from lava_vpr.backends.lava import lava_missing
 from lava_vpr.backends.registry import BACKENDS
 from lava_vpr.cli import main
 from lava_vpr.cli.show.headings import OPTIONS, POSITIONS, RUNNING, help_records
+from lava_vpr.cli.show.recall import MEANING
 from lava_vpr.errors import BackendUnavailableError
 from lava_vpr.processes.base import lava_checks
 
@@ -58,7 +59,7 @@ def test_demo_twice_into_the_same_folder(tmp_path: Path, monkeypatch: pytest.Mon
     }
     values = json.loads(results[0][1])
     right = round(12 * values["decoders"]["contrast"]["recall_at_1"])
-    assert f"\nRecognised the place in {right} of 12 queries.\n12 queries, 12 places" in text
+    assert f"\nRecognised the place in {right} of 12 queries.\n{MEANING}\n12 queries, 12 places" in text
     assert (values["places"], values["queries"], values["network"]["weight_bits"]) == (12, 12, 3)
 
 
