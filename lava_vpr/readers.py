@@ -22,10 +22,10 @@ from lava_vpr.errors import InputError, brief, printable, shown
 from lava_vpr.events.files import EVENT_STREAM, EVENT_SUFFIXES, event_samples, is_events, windows_of
 from lava_vpr.images.bags import BAG_SUFFIXES, bag_files, bag_samples, is_bag, split_topic
 from lava_vpr.images.files import (
-    CONVERT,
     IMAGE_SUFFIXES,
     LIST_SUFFIXES,
     VIDEO_SUFFIXES,
+    advice,
     folder_images,
     is_unread,
     listed_images,
@@ -266,7 +266,13 @@ for _row in (
         _ends(VECTOR_SUFFIXES),
         VECTOR_SUFFIXES,
     ),
-    Reader("image", "one image", lambda wanted: Found((str(wanted.path),)), _ends(IMAGE_SUFFIXES), IMAGE_SUFFIXES),
+    Reader(
+        "image",
+        "one image",
+        lambda wanted: Found((str(wanted.path),)),
+        lambda path: _ends(IMAGE_SUFFIXES)(path) and not is_unread(path.name),
+        IMAGE_SUFFIXES,
+    ),
 ):
     READERS.register(_row)
 
@@ -346,6 +352,6 @@ def _reader_of(path: Path) -> Reader:
     if not path.is_file():
         raise InputError(f"{shown(path)}: is neither a folder nor a file; give a folder of images, a list or a video")
     if is_unread(path.name):
-        raise InputError(f"{shown(path)}: is in a format that cannot be read; {CONVERT}")
+        raise InputError(f"{shown(path)}: is in a format that cannot be read; {advice()}")
     known = " ".join(dict.fromkeys(suffix for row in READERS.values() for suffix in row.suffixes))
     raise InputError(f"{shown(path)}: is of no known type; give a folder of images or one of {known}")

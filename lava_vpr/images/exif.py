@@ -38,7 +38,7 @@ class Taken(NamedTuple):
 
 
 def taken(path: Path) -> Taken:
-    """Position and time of the photo in file ``path`` from its EXIF block (JPEG, PNG, WebP); damaged values are
+    """Position and time of the photo in file ``path`` from its EXIF block (JPEG, PNG, WebP, HEIC); damaged values are
     ignored.
 
     A position of 0, 0, or one that the receiver marks as void, counts as none.
@@ -49,8 +49,10 @@ def taken(path: Path) -> Taken:
     data = file_bytes(path)
     try:
         block = walk(data).exif
-    except (DamagedError, InputError) as error:
+    except DamagedError as error:
         raise UnreadableError(f"{shown(path)}: cannot be read ({error}); copy it again or remove it") from None
+    except InputError as error:
+        raise UnreadableError(f"{shown(path)}: {error}") from None
     main = _values(block, (_EXIF_PART, _GPS_PART), _LONG)
     camera, receiver = ((main[part][0] if part in main else None) for part in (_EXIF_PART, _GPS_PART))
     return Taken(_position(block, receiver), *_time(block, camera))

@@ -13,16 +13,15 @@ from pathlib import Path
 from typing import NoReturn
 
 from lava_vpr.errors import InputError, UnreadableError, brief, shown
+from lava_vpr.images.heif import HEIF_SUFFIXES, INSTALL, decoder
 from lava_vpr.storage.reading import read_bytes
 from lava_vpr.storage.tables import csv_rows, text_lines
 
-IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
-UNREAD_SUFFIXES = (".heic", ".heif", ".hif", ".avif")
-CONVERT = (
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", *HEIF_SUFFIXES)
+_CONVERT = (
     "convert such images to JPEG (magick mogrify -format jpg *.heic, or heif-convert), or let the phone take JPEG "
     "(iPhone: Camera, Formats, Most Compatible)"
 )
-"""The remedy for images in the formats of phones, which no decoder here reads."""
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg")
 
 
@@ -85,7 +84,7 @@ def folder_images(folder: Path) -> list[str]:
         where = folder if error.filename is None else error.filename
         raise InputError(f"{shown(where)}: cannot be read ({error.strerror}); check it and its permissions") from None
     if not names and unread:
-        raise InputError(f"{shown(folder)}: holds only {_unread(unread)}; {CONVERT}")
+        raise InputError(f"{shown(folder)}: holds only {_unread(unread)}; {advice()}")
     note_unread(folder, unread)
     if not names:
         hint = "give a folder that holds images directly"
@@ -97,7 +96,13 @@ def folder_images(folder: Path) -> list[str]:
 
 def is_unread(name: str) -> bool:
     """Whether a file's name is that of an image in a format that no decoder here reads."""
-    return Path(name).suffix.lower() in UNREAD_SUFFIXES
+    suffix = Path(name).suffix.lower()
+    return suffix == ".avif" or (suffix in HEIF_SUFFIXES and decoder() is None)
+
+
+def advice() -> str:
+    """The remedy for images in the formats of phones that no decoder here reads."""
+    return _CONVERT if decoder() else f"install what reads HEIC and HEIF ({INSTALL}), or {_CONVERT}"
 
 
 def _unread(names: list[str]) -> str:
@@ -111,7 +116,7 @@ def note_unread(folder: Path, names: Iterable[str]) -> bool:
     are."""
     unread = list(names)
     if unread:
-        _NOTES.warning(f"{shown(folder)}: holds {_unread(unread)}, left out here; {CONVERT}")
+        _NOTES.warning(f"{shown(folder)}: holds {_unread(unread)}, left out here; {advice()}")
     return bool(unread)
 
 

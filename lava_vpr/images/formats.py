@@ -19,8 +19,12 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lava_vpr.errors import InputError
-from lava_vpr.images.files import CONVERT
+from lava_vpr.images.files import advice
+from lava_vpr.images.heif import decoded, decoder, walk_heif
 from lava_vpr.images.windows import DamagedError, Part, Window, riff_chunk
 from lava_vpr.storage.limits import within
 
@@ -89,6 +93,7 @@ class Header:
             stand where a picture was; else empty.
         pictures: Whether it holds further pictures after the first: pages or frames.
         zeros: Rows of zeros at the end of the picture's data, where these are not compressed.
+        picture: Decodes the picture and sets it upright, where OpenCV cannot.
     """
 
     width: int
@@ -98,6 +103,7 @@ class Header:
     shortened: bytes = b""
     pictures: bool = False
     zeros: int = 0
+    picture: Callable[[], NDArray[np.uint8]] | None = None
 
 
 def _zeros_at_end(data: bytes) -> int:
@@ -273,14 +279,30 @@ def _first(tags: dict[int, tuple[int, ...]], tag: int, otherwise: int = 0) -> in
     return (tags.get(tag) or (otherwise,))[0]
 
 
-_PHONES = re.compile(rb".{4}ftyp(heic|heix|heim|heis|hevc|hevx|mif1|msf1|avif|avis)", re.DOTALL)
-"""The beginnings of HEIC, HEIF and AVIF files. Source: ISO/IEC 23008-12 and the AV1 Image File Format, their brands."""
+def _walk_heif(data: bytes, file: Window) -> Header:
+    """Walk over a HEIC or HEIF file, which must have all parts of its items."""
+    package = decoder()
+    if package is None:
+        raise InputError(_unread())
+    width, height, exif = walk_heif(file)
+    return Header(width, height, data, exif, picture=lambda: decoded(package, data))
+
+
+def _unread() -> str:
+    """What a message says of a file in a format of phones that no decoder here reads."""
+    return f"is a HEIC, HEIF or AVIF image, which cannot be read, whatever its name says; {advice()}"
+
+
+_AVIF = re.compile(rb".{4}ftyp(avif|avis)", re.DOTALL)
+"""The beginnings of AVIF files, and below those of HEIC and HEIF files. Source: ISO/IEC 23008-12 and the AV1 Image File
+Format, their brands."""
 _WALKERS: tuple[tuple[re.Pattern[bytes], Callable[[bytes, Window], Header]], ...] = (
     (re.compile(rb"\xff\xd8\xff"), _walk_jpeg),
     (re.compile(rb"\x89PNG\r\n\x1a\n"), _walk_png),
     (re.compile(rb"RIFF.{4}WEBP", re.DOTALL), _walk_webp),
     (re.compile(rb"BM"), _walk_bmp),
     (re.compile(rb"II[*+]\0|MM\0[*+]"), _walk_tiff),
+    (re.compile(rb".{4}ftyp(heic|heix|heim|heis|hevc|hevx|mif1|msf1)", re.DOTALL), _walk_heif),
 )
 """The walk for each kind of file, by the bytes at its beginning."""
 
@@ -293,8 +315,8 @@ def walk(data: bytes) -> Header:
         InputError: the format is unknown, or the file exceeds a limit.
     """
     walker = next((walker for begins, walker in _WALKERS if begins.match(data)), None)
-    if walker is None and _PHONES.match(data):
-        raise InputError(f"is a HEIC, HEIF or AVIF image, which cannot be read, whatever its name says; {CONVERT}")
+    if walker is None and _AVIF.match(data):
+        raise InputError(_unread())
     if walker is None:
         raise InputError("is not a JPEG, PNG, BMP, TIFF or WebP image, whatever its name says; replace or remove it")
     found = walker(data, Window(data, "image_parts"))

@@ -1,11 +1,12 @@
 """Image files as uint8 arrays, read from paths, or from a folder as they appear there; a damaged file is one clear
 error.
 
-OpenCV decodes. Around it, this module walks over the file's structure, applies the EXIF orientation, and catches what
-codecs print on standard error, so that the user sees only our line.
+OpenCV decodes, HEIC pi-heif. Around it, this module walks over the file's structure, applies the EXIF orientation, and
+catches what codecs print on standard error, so that the user sees only our line.
 
-Formats: JPEG, PNG, BMP, TIFF, WebP, recognised by content and not by name; of several pages or animation frames the
-first. Transparency is dropped: the colours below it are used as they are stored, as OpenCV's own colour reading does.
+Formats: JPEG, PNG, BMP, TIFF, WebP, and HEIC where pi-heif is installed, recognised by content and not by name; of
+several pages or animation frames the first, of a HEIC file the main picture. Transparency is dropped: the colours below
+it are used as they are stored, as OpenCV's own colour reading does.
 16-bit samples become ``round(x / 257)``, which gives back exactly any image that was widened from 8 bits.
 """
 
@@ -163,7 +164,7 @@ def _decoded_image(data: bytes, where: str) -> NDArray[np.uint8]:
     try:
         header = walk(data)
         _alone_if(header.width * header.height > SIDE_PIXELS)
-        image, messages = _decoded(header.data)
+        image, messages = _decoded(header.data, header.picture)
         if image is None:
             raise DamagedError("its picture data cannot be decoded")
         if _damage_in(messages):
@@ -181,7 +182,7 @@ def _decoded_image(data: bytes, where: str) -> NDArray[np.uint8]:
         image = _narrowed(image)
     if image.dtype != np.uint8 or not (image.ndim == 2 or image.shape[2] == 3):
         raise InputError(f"holds {image.dtype} samples, whose range is unknown; save it with 8 or 16 bits, unsigned")
-    return _turned(image, orientation_of(header.exif))
+    return _turned(image, 1 if header.picture else orientation_of(header.exif))
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
@@ -225,15 +226,17 @@ def _note(header: Header, image: NDArray[Any], where: str) -> None:
             _NOTES.info(f"{where}: {said}", extra={"sort": sort})
 
 
-def _decoded(data: bytes) -> tuple[NDArray[Any] | None, list[bytes]]:
-    """The picture in a file's bytes as OpenCV has it, None if it has none, and what the codecs printed.
+def _decoded(data: bytes, picture: Callable[[], NDArray[Any]] | None = None) -> tuple[NDArray[Any] | None, list[bytes]]:
+    """The picture in a file's bytes as OpenCV, or else ``picture``, has it, None if it has none, and what the codecs
+    printed.
 
     Raises:
+        DamagedError: as ``picture``.
         InputError: it is larger than OpenCV's own limits.
     """
     with quiet() as messages:
         try:
-            image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _AS_STORED)
+            image = picture() if picture else cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _AS_STORED)
         except cv2.error as error:
             if beyond := _TOO_LARGE.search(str(error)):
                 raise InputError(
@@ -339,7 +342,7 @@ class _Listing:
 
 def _is_image(entry: os.DirEntry[str]) -> bool:
     """Whether an entry of a folder counts as an image; a broken link does."""
-    if entry.name.startswith(".") or Path(entry.name).suffix.lower() not in IMAGE_SUFFIXES:
+    if entry.name.startswith(".") or Path(entry.name).suffix.lower() not in IMAGE_SUFFIXES or is_unread(entry.name):
         return False
     try:
         return not entry.is_dir()

@@ -20,7 +20,7 @@ BOXES_FIRST = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
 _ENTERED = (b"moov", b"trak", b"mdia", b"minf", b"dinf", b"stbl", b"edts")
 
 
-def _box(file: Window, position: int, end: int) -> Part:
+def box(file: Window, position: int, end: int) -> Part:
     """The box at ``position``, within content that ends at ``end``."""
     length, kind = file.numbers(">I4s", position)
     start = position + 8
@@ -147,7 +147,7 @@ class _Track:
         if b"dref" not in self.boxes:
             return
         start, end = self.boxes[b"dref"]
-        for _, first, _ in self.file.walk(start + 8, end, _box):
+        for _, first, _ in self.file.walk(start + 8, end, box):
             if not self.file.at(first, 4)[3] & 1:
                 raise InputError("plays other files, which it names, instead of its own content; convert it to MP4")
 
@@ -170,7 +170,7 @@ def walk_mp4(file: Window) -> Film:
     tracks: list[_Track] = []
     media: list[tuple[int, int]] = []
     scale, movie = 0, False
-    for kind, start, end in file.walk(0, file.size, _box, _ENTERED):
+    for kind, start, end in file.walk(0, file.size, box, _ENTERED):
         if kind == b"moov":
             movie = movie or end > start
         elif kind == b"mvhd":

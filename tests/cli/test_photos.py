@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import shutil
+import sys
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,13 @@ import cv2
 import numpy as np
 import pytest
 from support.common.commands import fails, figures, matches, run
-from support.common.imagefiles import photo
+from support.common.imagefiles import photo, stand_in_heif
 
 from lava_vpr.model import load
 from lava_vpr.traverse import Traverse
 
 HEIC = b"\0\0\0\x18ftypheic\0\0\0\0mif1heic" + bytes(40)
+HEIC_PHOTO = Path(__file__).parent.parent / "images" / "heic" / "turned.heic"
 SKIP = "--skip-unreadable"
 TRAIN = ("-o", "n.lvpr", "--config", "quick.toml")
 
@@ -132,7 +134,10 @@ def test_many_are_named_in_one_line_and_none_left_is_an_error(place: Path) -> No
     assert "leave out --skip-unreadable" in fails("train", "ref", *TRAIN, SKIP, "--dataset", "nordland", code=2)
 
 
-def test_images_in_the_formats_of_phones_are_named_with_the_remedy(place: Path) -> None:
+def test_images_in_the_formats_of_phones_are_named_with_the_remedy(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pi_heif", None)
     for name in ("ref/b.HEIC", "ref/a.avif", "alone/IMG_1.heic", "named/1.jpg"):
         Path(name).parent.mkdir(exist_ok=True)
         Path(name).write_bytes(HEIC)
@@ -146,6 +151,7 @@ def test_images_in_the_formats_of_phones_are_named_with_the_remedy(place: Path) 
         found = fails(*words)
         assert cause in found
         assert "convert such images to JPEG (magick mogrify -format jpg *.heic" in found
+        assert "install what reads HEIC and HEIF (pip install 'lava-vpr[heic]'), or convert" in found
 
 
 def asked(*words: object) -> list[dict[str, str]]:
@@ -182,6 +188,32 @@ def test_photos_say_where_and_when_they_were_taken(place: Path) -> None:
     assert figures("album", "--query-positions", "exif", "--radius", 1)["baselines"]["sad"]["recall_at_1"] == 1.0
     said = fails("eval", "m.lvpr", "album", "--positions", "exif", "exif", "--radius", 1, code=2)
     assert "give --query-positions exif" in said
+
+
+@pytest.mark.parametrize("package", ["stand-in", "pi-heif"])
+def test_where_pi_heif_is_installed_heic_photos_are_photos(
+    package: str, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if package == "stand-in":
+        drawn = np.random.default_rng(0).integers(0, 256, (64, 48, 3)).astype(np.uint8)
+        stand_in_heif(monkeypatch, lambda data: drawn)
+    else:
+        pytest.importorskip("pi_heif", reason="needs pi-heif: pip install 'lava-vpr[heic]'")
+    photos("album", sorted(Path("ref").iterdir()), ORDER)
+    shutil.copy(HEIC_PHOTO, "album/IMG_0002a.HEIC")
+    Path("album/IMG_0004a.heic").write_bytes(HEIC_PHOTO.read_bytes()[:-9])
+    said = fails("train", "album", *TRAIN, "--positions", "exif")
+    assert said.startswith("album/IMG_0004a.heic: cannot be read (it has 1,331 of 1,340 bytes); copy it again")
+    said = run("train", "album", *TRAIN, "--positions", "exif", SKIP).stderr
+    assert "note: album: 1 of 8 images cannot be read" in said
+    assert "skipped: 6 (IMG_0004a.heic); the first: album/IMG_0004a.heic: is damaged or cut short (it has" in said
+    positions = np.asarray(load(Path("n.lvpr")).positions)
+    assert positions.shape == (7, 2)
+    assert positions[3] == pytest.approx((63.4, 10.4), abs=1e-6)
+    rows = asked("query", "n.lvpr", "album", "--query-positions", "exif", SKIP)
+    assert (rows[3]["query_name"], float(rows[3]["time"])) == ("IMG_0002a.HEIC", 1714557610.5)
+    (row,) = asked("query", "n.lvpr", "album/IMG_0002a.HEIC")
+    assert row["place"] == "3"
 
 
 def without_exif(number: int) -> None:
@@ -275,6 +307,7 @@ def test_a_folder_of_a_phone_becomes_a_report_in_two_commands(
 ) -> None:
     """60 real photos out of order, two of them damaged and one HEIC; queries of another season, likewise."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "pi_heif", None)
     for seed, season in enumerate(("summer", "winter")):
         files = sorted((data_root / "data" / "nordland" / season).iterdir())[:60]
         photos(season, files, np.random.default_rng(seed).permutation(60).tolist())

@@ -6,9 +6,11 @@ Used by bench, cli, core, events, images, positions, support, training, vectors 
 from __future__ import annotations
 
 import struct
+import sys
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import cv2
@@ -70,6 +72,14 @@ def upright(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:
         7: np.rot90(image.swapaxes(0, 1), 2),
         8: np.rot90(image, 1),
     }[orientation]
+
+
+def stand_in_heif(monkeypatch: pytest.MonkeyPatch, picture: Callable[[bytes], Any]) -> None:
+    """Puts ``picture``, a function of a HEIC file's bytes, in the place of pi-heif's decoder."""
+    module: Any = ModuleType("pi_heif")
+    module.libheif_version = lambda: "1.23.4"
+    module.open_heif = lambda data, bgr_mode: picture(data) if bgr_mode else None
+    monkeypatch.setitem(sys.modules, "pi_heif", module)
 
 
 def png_chunk(kind: bytes, data: bytes) -> bytes:
