@@ -72,6 +72,8 @@ def test_without_the_package_one_line_says_what_to_install(tmp_path: Path) -> No
     refused(
         lambda: folder_images(alone), "holds only 1 image in a format that cannot be read", "install what reads HEIC"
     )
+    written(alone / "b.png", image_bytes(".png", smooth_picture()))
+    assert Path(str(next(watched(alone)).name)).name == "b.png"
 
 
 def test_a_package_that_cannot_be_loaded_counts_as_none(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -187,25 +189,33 @@ def test_alpha_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
         np.testing.assert_array_equal(decode_image(TURNED, "a"), wanted)
 
 
-def test_items_may_be_placed_by_wide_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The box 'iloc' of version 2, and 'infe' of version 3, with numbers of 4 bytes and a base."""
+def box(kind: bytes, content: bytes) -> bytes:
+    """A box of a HEIC file."""
+    return struct.pack(">I4s", 8 + len(content), kind) + content
+
+
+@pytest.mark.parametrize("head", [b"\0\0\0\0Exif\0\0", b"\0\0\0\6Exif\0\0", b"\0\0\0\3abc", b"\0\0\0\0"])
+def test_items_may_be_placed_by_wide_numbers(head: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Boxes of the newest versions, with numbers of 4 bytes; a grid's item, whose content is elsewhere; EXIF blocks."""
     stand_in_heif(monkeypatch, lambda data: UPRIGHT)
-    exif = b"\0\0\0\0Exif\0\0" + TURNED[TURNED.index(b"MM\0*") :]
+    exif = head + TURNED[TURNED.index(b"MM\0*") :]
 
-    def box(kind: bytes, content: bytes) -> bytes:
-        return struct.pack(">I4s", 8 + len(content), kind) + content
-
-    def file(base: int) -> bytes:
-        place = struct.pack(">IHHQHIII", 70000, 0, 0, base, 1, 0, 4, len(exif))
-        inside = box(b"iloc", b"\2\0\0\0" + struct.pack(">HI", 0x4484, 1) + place)
+    def file(base: int, many: int = 1) -> bytes:
+        grid = struct.pack(">IHHQHII", 9, 1, 0, 1 << 60, 1, 0, 8)
+        place = struct.pack(">IHHQH", 70000, 0, 0, base, many) + struct.pack(">II", 4, len(exif)) * many
+        inside = box(b"iloc", b"\2\0\0\0" + struct.pack(">HI", 0x4480, 2) + grid + place)
         entry = box(b"infe", b"\3\0\0\0" + struct.pack(">IH4s", 70000, 0, b"Exif") + b"\0")
         inside += box(b"iinf", b"\1\0\0\0\0\0\0\1" + entry)
         inside += box(b"iprp", box(b"ipco", box(b"ispe", struct.pack(">III", 0, 48, 64))))
         return TURNED[:28] + box(b"meta", b"\0\0\0\0" + inside) + box(b"mdat", b"\0\0\0\0" + exif)
 
-    data = file(len(file(0)) - len(exif) - 4)
-    assert walk(data).exif == exif[10:]
-    np.testing.assert_array_equal(decode_image(data, "a"), UPRIGHT)
+    start = len(file(0)) - len(exif) - 4
+    assert walk(file(start)).exif == TURNED[TURNED.index(b"MM\0*") :]
+    np.testing.assert_array_equal(decode_image(file(start), "a"), UPRIGHT)
+    long = f"it has {len(file(0)):,} of {len(file(0)) + 1:,} bytes"
+    refused(lambda: decode_image(file(start + 1), "a"), f"a: is damaged or cut short ({long}); copy it again")
+    monkeypatch.setenv("LAVA_VPR_MAX_IMAGE_PARTS", "20")
+    refused(lambda: decode_image(file(0, 30), "a"), "a: has 21 parts, more than the 20 allowed")
 
 
 # ---------------------------------------------------------------- the package alone
