@@ -86,7 +86,7 @@ def test_a_package_that_cannot_be_loaded_counts_as_none(monkeypatch: pytest.Monk
     refused(lambda: decode_image(TURNED, "a"), "which cannot be read", "pip install 'lava-vpr[heic]'")
 
 
-def test_avif_is_converted_with_the_package_or_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_avif_is_to_be_converted_with_the_package_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stand_in_heif(monkeypatch, lambda data: pytest.fail("AVIF is handed on"))
     data = TURNED.replace(b"ftypheic", b"ftypavif")
     text = refused(lambda: decode_image(data, "a"), "is a HEIC, HEIF or AVIF image, which cannot be read")
