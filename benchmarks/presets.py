@@ -82,9 +82,9 @@ LEARNING: Mapping[str, Sequence[Any]] = {
 NETWORK: Mapping[str, Sequence[Any]] = {
     "threshold": (0.35, 0.5, 0.7, 1.0, 1.4),
     "inhibition": (0.35, 0.67, 1.0, 1.5),
-    "tau_membrane": (8, 12, 20),
+    "tau_membrane": (8, 12, 20, 40, 100),
     "query_inputs": (420, 520, 780, 1040, 3072),
-    "weight_bits, query_spikes": tuple((bits, spikes) for bits in (2, 3) for spikes in (12, 16, 20, 25, 30)),
+    "weight_bits, query_spikes": tuple((bits, spikes) for bits in (2, 3) for spikes in (12, 16, 17, 20, 25, 30)),
     "prune, query_spikes": tuple((share, spikes) for share in (0.25, 0.5) for spikes in (16, 20, 25)),
 }
 """Names and the values that they take in turn; names with a comma between them take values together."""
@@ -113,9 +113,20 @@ START = {
 GOALS = {
     "loihi": Goal(128, np.inf, {"query_inputs": 520, "query_spikes": 20}),
     "balanced": Goal(64, 4.0, {"query_inputs": 420, "query_spikes": 14, "threshold": 0.7}),
-    "fast": Goal(32, 1.6, {"query_inputs": 420, "query_spikes": 16, "weight_bits": 2, "threshold": 0.35}),
+    "fast": Goal(32, 1.2, {"query_inputs": 420, "query_spikes": 16, "weight_bits": 2, "threshold": 0.35}),
     "accurate": Goal(128, np.inf, {"query_inputs": 780, "query_spikes": 25}),
 }
+
+FINALS: Mapping[str, Mapping[str, Sequence[float]]] = {
+    "fast": {
+        "tau_membrane": (12, 20, 40, 100),
+        "threshold": (0.35, 0.5, 0.7),
+        "query_inputs": (420, 520),
+        "query_spikes": (16, 17),
+    },
+    "accurate": {"tau_membrane": (12, 20, 40), "threshold": (0.7, 1.0)},
+}
+"""Values around those where the search of a network ended, too alike for its margin; all combinations are tried."""
 
 
 class PresetMeans(NamedTuple):
@@ -244,6 +255,18 @@ def choose_network(base: Config, cases: Sequence[Case], fresh: Sequence[Case], g
     return configured(base, log.chosen(trials, str))
 
 
+def show_finals(name: str, cases: Sequence[Case], fresh: Sequence[Case], log: Log) -> None:
+    """What all of `FINALS` recall with the search's seeds, and its score with these, with fresh ones and with all."""
+    goal = GOALS[name]
+    start = {**current(cases[0].model), **goal.start, "steps": float(goal.steps)}
+    for values in itertools.product(*FINALS[name].values()):
+        settings = dict(zip(FINALS[name], values, strict=True))
+        means = [preset_means(some, start | settings) for some in (cases, fresh)]
+        scores = [each.score for each in means]
+        title = ", ".join(f"{key} = {value:g}" for key, value in settings.items())
+        log.write(f"  {title:60s} {means[0]}, fresh {scores[1]:.2f}, mean {float(np.mean(scores)):.2f}")
+
+
 def show_recruiting(base: Config, log: Log) -> None:
     """What recruiting brings, with either seeds. It is no setting that is chosen: without it places have no neuron."""
     for recruit in (False, True):
@@ -254,7 +277,7 @@ def show_recruiting(base: Config, log: Log) -> None:
             log.write(f"  {name:44s} {as_learned(cases)}")
 
 
-STAGES = ("encoder", "learning", "network", "recruiting")
+STAGES = ("encoder", "learning", "network", "finals", "recruiting")
 
 
 @program(*(section.dataset for section in PLACES))
@@ -280,10 +303,13 @@ def main(path: Path, stages: Sequence[str], names: Sequence[str], orientations: 
     if "recruiting" in stages:
         log.write("recruiting: each with the seeds above, and with fresh ones")
         show_recruiting(config, log)
-    if "network" in stages:
-        cases, fresh = cases_of(config), cases_of(config, FRESH)
-        for name in names or GOALS:
+    cases, fresh = (cases_of(config), cases_of(config, FRESH)) if {"network", "finals"} & set(stages) else ([], [])
+    for name in names or GOALS:
+        if "network" in stages:
             log.write(f"network of {name}: {GOALS[name].steps} steps, at most {GOALS[name].microjoules:g} uJ")
             chosen = choose_network(config, cases, fresh, GOALS[name], log)
             log.write(f"{name}: {chosen.encoder} {chosen.network} {chosen.learning}")
+        if "finals" in stages and name in FINALS:
+            log.write(f"finals of {name}")
+            show_finals(name, cases, fresh, log)
     yield f"{path}: written"

@@ -274,12 +274,14 @@ PRESETS = {
         encoder=EncoderConfig(query_spikes=14.0, query_inputs=420),
         network=LifNetwork(steps=64, threshold=0.7),
     ),
-    # The default's learning, and queries in a quarter of the steps, with coarser weights; a spiking front end as short.
+    # Finer orientations, and queries in a quarter of the steps, with coarser weights; a spiking front end as short.
     "fast": Config(
         preset="fast",
         encoder=EncoderConfig(
-            query_spikes=16.0,
-            query_inputs=420,
+            orientations=12,
+            train_spikes=18.0,
+            query_spikes=17.0,
+            query_inputs=520,
             pixel_levels=16,
             race_steps=8,
             direct_levels=12,
@@ -287,7 +289,7 @@ PRESETS = {
             read_steps=7,
             read_inhibition=0.25,
         ),
-        network=LifNetwork(steps=32, weight_bits=2, threshold=0.35),
+        network=LifNetwork(steps=32, weight_bits=2, threshold=0.7, tau_membrane=40.0),
     ),
     # Finer orientations, spikes to match, and weights less what a place shares with its surroundings: for long maps.
     "accurate": Config(

@@ -49,7 +49,7 @@ class EncoderConfig:
         window: Side in pixels of the divisive-normalisation window, odd.
         blur: Standard deviation in pixels of the Gaussian that the resized image is smoothed with; 0: none.
         pool_floor: Share of the image's mean edge energy that is added to that of each window.
-        train_spikes: Expected input spikes per step while training ("tot"), all inputs together.
+        train_spikes: Expected input spikes per step while training ("tot"), all together; of a front end, 8 / orientations.
         query_spikes: Expected input spikes per step while answering a query.
         query_inputs: Number of inputs that may spike while answering a query, those that respond most; 0: all.
         saturation: ``events``: share of the pixels that are not 0 that keep their level; what is above is cut.

@@ -135,7 +135,7 @@ def test_a_search_tells_what_it_tried() -> None:
     assert points[0].chosen == MODEL
     assert points[0].settings == {}
     (fast,) = [point for point in points if point.chosen == FAST]
-    assert fast.settings["query_inputs"] == preset("fast").encoder.query_inputs
+    assert fast.settings["query_spikes"] == preset("fast").encoder.query_spikes
     assert fast.microjoules < points[0].microjoules
     stopping = [point for point in points if "stop_margin" in point.settings]
     whole = [point for point in points if "stop_margin" not in point.settings]

@@ -7,6 +7,7 @@ far above what is left of it where learning or decoding is broken, which is trie
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,18 +28,27 @@ PLACES = 100
 
 
 @pytest.fixture(scope="module")
-def journeys(tmp_path_factory: pytest.TempPathFactory) -> tuple[EncodedTraverse, EncodedTraverse]:
-    """The images of both journeys from their files, encoded; every preset here has the same activity."""
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The images of both journeys."""
     root = tmp_path_factory.mktemp("world")
     write_traverses(root, PLACES, 0)
-    summer, winter = (
-        encode_traverse(open_traverse(root / name), preset("loihi").encoder, Keep.ALL)
-        for name in ("reference", "query")
-    )
-    return summer, winter
+    return root
+
+
+@pytest.fixture(scope="module")
+def journeys(world: Path) -> tuple[EncodedTraverse, EncodedTraverse]:
+    """Both journeys as preset ``loihi`` encodes them."""
+    return encoded(world, "loihi")
 
 
 Journeys = tuple[EncodedTraverse, EncodedTraverse]
+
+
+def encoded(world: Path, name: str) -> Journeys:
+    """Both journeys as preset ``name`` encodes them."""
+    encoder = preset(name).encoder
+    summer, winter = (encode_traverse(open_traverse(world / way), encoder, Keep.ALL) for way in ("reference", "query"))
+    return summer, winter
 
 
 def learned(journeys: Journeys, name: str, changes: dict[str, Any] | None = None) -> Model:
@@ -55,8 +65,9 @@ def figures(model: Model, journeys: Journeys) -> dict[str, Metrics]:
     ("name", "least", "without_error"), [("loihi", 0.98, 0.9), ("balanced", 0.95, 0.8), ("fast", 0.95, 0.8)]
 )
 def test_presets_recognise_the_route_in_another_season(
-    name: str, least: float, without_error: float, journeys: Journeys
+    name: str, least: float, without_error: float, world: Path
 ) -> None:
+    journeys = encoded(world, name)
     found = figures(learned(journeys, name), journeys)
     assert found["contrast"].recall_at_1 >= least
     assert found["contrast"].recall_at_100_precision >= without_error

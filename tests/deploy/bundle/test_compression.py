@@ -75,7 +75,7 @@ def queries(places: int = 8, noise: float = 0.5) -> tuple[EncodedTraverse, np.nd
         lambda: trained(input_mode="bias"),
         lambda: train([encoded(4)], update(changed(), {"learning": {"arithmetic": "integer"}})),
         lambda: train(
-            [encoded(8, 2048)], update(preset("fast"), {"stretch": 4, "learning": {"steps": 80, "epochs": 5}})
+            [encoded(8, 3072)], update(preset("fast"), {"stretch": 4, "learning": {"steps": 80, "epochs": 5}})
         ),
     ],
     ids=["joined", "one stretch", "two traverses", "6 bits", "bias", "integer learning", "preset fast"],
