@@ -124,7 +124,7 @@ FINALS: Mapping[str, Mapping[str, Sequence[float]]] = {
         "query_inputs": (420, 520),
         "query_spikes": (16, 17),
     },
-    "accurate": {"tau_membrane": (12, 20, 40), "threshold": (0.7, 1.0)},
+    "accurate": {"prune": (0, 0.25, 0.5, 0.65), "query_spikes": (16, 20, 25)},
 }
 """Values around those where the search of a network ended, too alike for its margin; all combinations are tried."""
 

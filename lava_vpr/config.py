@@ -291,11 +291,12 @@ PRESETS = {
         ),
         network=LifNetwork(steps=32, weight_bits=2, threshold=0.7, tau_membrane=40.0),
     ),
-    # Finer orientations, spikes to match, and weights less what a place shares with its surroundings: for long maps.
+    # Finer orientations, spikes to match, and the larger half of the weights less what a place shares with its
+    # surroundings: for long maps.
     "accurate": Config(
         preset="accurate",
         encoder=EncoderConfig(orientations=12, train_spikes=18.0, query_spikes=25.0, query_inputs=780),
-        network=LifNetwork(surroundings=16),
+        network=LifNetwork(surroundings=16, prune=0.5),
     ),
     "paper": Config(
         preset="paper",

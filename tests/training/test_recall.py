@@ -62,10 +62,11 @@ def figures(model: Model, journeys: Journeys) -> dict[str, Metrics]:
 
 
 @pytest.mark.parametrize(
-    ("name", "least", "without_error"), [("loihi", 0.98, 0.9), ("balanced", 0.95, 0.8), ("fast", 0.95, 0.8)]
+    ("name", "least", "without_error", "weighted"),
+    [("loihi", 0.98, 0.9, 0.9), ("balanced", 0.95, 0.8, 0.9), ("fast", 0.95, 0.8, 0.85)],
 )
 def test_presets_recognise_the_route_in_another_season(
-    name: str, least: float, without_error: float, world: Path
+    name: str, least: float, without_error: float, weighted: float, world: Path
 ) -> None:
     journeys = encoded(world, name)
     found = figures(learned(journeys, name), journeys)
@@ -74,8 +75,8 @@ def test_presets_recognise_the_route_in_another_season(
     assert found["contrast"].auc >= least - 0.01
     assert found["standard"].recall_at_1 >= least - 0.02
     assert found["probability"].recall_at_1 >= least - 0.02
-    assert found["weighted"].recall_at_1 >= 0.9
-    assert found["weighted_probability"].recall_at_1 >= 0.9
+    assert found["weighted"].recall_at_1 >= weighted
+    assert found["weighted_probability"].recall_at_1 >= weighted
     # The route is no easy one: comparing pixels finds two places of three.
     assert 0.5 < found["sad"].recall_at_1 < 0.7
     assert 0.9 < found["cosine"].recall_at_1 < found["contrast"].recall_at_1 + 0.02
