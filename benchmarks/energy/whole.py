@@ -26,7 +26,6 @@ from lava_vpr.bench.measure.timing import each_image, measure_encoding
 from lava_vpr.bench.query_set import QuerySet
 from lava_vpr.bench.results import AnsweringWay, on_board
 from lava_vpr.bench.show.tables import energy
-from lava_vpr.config import preset
 from lava_vpr.deploy.boards.board import KAPOHO_BAY
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.cost.costs import Modelled, modelled
@@ -36,15 +35,15 @@ from lava_vpr.inputs.patches import hog, patch_normalised
 from lava_vpr.inputs.views import ViewsConfig
 from lava_vpr.traverse import open_traverse
 
-BEFORE = {"cosine": "encoding", "hog": "descriptors", "sad": "patches"}
-"""What an image goes through before each baseline."""
+BEFORE = {"hog": "descriptors", "sad": "patches"}
+"""What an image goes through before baselines that do not compare the inputs."""
 COUNTED = 100
 """Queries whose spikes are counted, and that are timed: the first ones."""
 
 
 def rivals(case: str) -> tuple[str, ...]:
     """The baselines that are timed on the places of a case: those of the other presets are the default one's."""
-    return tuple(BEFORE) if case == DEFAULT else () if case in LEARNED else ("cosine",)
+    return ("cosine", *BEFORE) if case == DEFAULT else () if case in LEARNED else ("cosine",)
 
 
 def asked(row: ResultRow) -> tuple[QuerySet, Modelled]:
@@ -56,13 +55,26 @@ def asked(row: ResultRow) -> tuple[QuerySet, Modelled]:
     return queries, modelled(plan := plan_of(model, KAPOHO_BAY), count_events(plan, trains))
 
 
-def stages(dataset: str) -> dict[str, Callable[[], float]]:
-    """What an image of a dataset goes through, medians of single images in ms."""
-    images = open_traverse(images_of(dataset, FOLDERS[dataset][1]))
-    return {
-        f"{dataset}, encoding": lambda: float(np.median(measure_encoding(images, preset(DEFAULT)).milliseconds)),
-        f"{dataset}, descriptors": lambda: float(np.median(each_image(images, hog))),
-        f"{dataset}, patches": lambda: float(np.median(each_image(images, patch_normalised))),
+def dataset_of(row: ResultRow) -> str:
+    """The dataset of a row of the results."""
+    return "gardens" if row.sections == GARDENS else "nordland"
+
+
+def encoding_of(row: ResultRow) -> str:
+    """What encodes a row's images: rows with equal encoders are timed once."""
+    return f"{dataset_of(row)}, encoding in {row.config.encoder.orientations} orientations"
+
+
+def stages() -> dict[str, Callable[[], float]]:
+    """What an image goes through, medians of single images in ms."""
+    images = {name: open_traverse(images_of(name, FOLDERS[name][1])) for name in ("nordland", "gardens")}
+
+    def encoding(row: ResultRow) -> float:
+        return float(np.median(measure_encoding(images[dataset_of(row)], row.config).milliseconds))
+
+    return {encoding_of(row): partial(encoding, row) for row in ENERGY_OF.values()} | {
+        "descriptors": lambda: float(np.median(each_image(images["nordland"], hog))),
+        "patches": lambda: float(np.median(each_image(images["nordland"], patch_normalised))),
     }
 
 
@@ -80,13 +92,12 @@ def matchers(every: Mapping[str, QuerySet]) -> dict[str, Callable[[], float]]:
 def main(rounds: int) -> Printed:
     """What a query costs in all, by preset, map and matcher."""
     record, every = Record.read(), {case: asked(row) for case, row in ENERGY_OF.items()}
-    timed = stages("nordland") | stages("gardens") | matchers({case: queries for case, (queries, _) in every.items()})
+    timed = stages() | matchers({case: queries for case, (queries, _) in every.items()})
     ms = {name: min(values) for name, values in turns(timed, rounds).items()}
     ways: dict[str, AnsweringWay] = {}
     cells = []
     for case, row in ENERGY_OF.items():
-        dataset = "gardens" if row.sections == GARDENS else "nordland"
-        recall, encoding = record.mean(row)[0] / 100, ms[f"{dataset}, encoding"]
+        recall, encoding = record.mean(row)[0] / 100, ms[encoding_of(row)]
         way = on_board(every[case][1], recall, ms[f"{case}, part"], encoding)
         if way is None:
             raise InputError(f"{case}: {every[case][1].unavailable}")
@@ -96,7 +107,7 @@ def main(rounds: int) -> Printed:
         }
         cells += [record.cell(row, figures=1)] * 2
         for name in rivals(case):
-            before = ms[f"{dataset}, {BEFORE[name]}"]
+            before = ms[BEFORE[name]] if name in BEFORE else encoding
             ways[f"{case}, {SIMPLER[name]}"] = AnsweringWay(
                 "", record.mean(row, name)[0] / 100, ms[f"{case}, {name}"], before
             )
