@@ -115,6 +115,7 @@ ROWS = (
     "`encoder.train_spikes`, `query_spikes`: input spikes a step",
     "`network.signed`, `weight_bits`",
     "`network.surroundings`, places on either side",
+    "`network.prune`, of each neuron's weights",
     "`network.threshold`, in U",
     "`network.inhibition`, in U",
     "`network.tau_membrane`, in steps",
@@ -157,7 +158,7 @@ def learning() -> str:
 def integers() -> str:
     """The rules of learning in integers, in Lava's notation."""
     config, rows = preset("loihi"), []
-    both = phases(config.learning, config.encoder.inputs, config.encoder.train_spikes)  # type: ignore[arg-type]
+    both = phases(config.learning, config.encoder.inputs, config.encoder.learning_spikes)  # type: ignore[arg-type]
     for name, phase in zip(("competition", "consolidation"), both, strict=True):
         products = (f"{scale}*2^{exponent}*y0*(x1-{phase.rule.target})" for scale, exponent in phase.rule.products)
         rows.append([name, f"`{' + '.join(products)}`", f"tau {phase.rule.tau:g}", f"{phase.neurons.theta_plus}"])

@@ -35,7 +35,7 @@ from lava_vpr.engine.learning.lava_order import (
 from lava_vpr.engine.learning.recruiting import key_again, recruit, rounds
 from lava_vpr.engine.learning.stdp import PlasticState
 from lava_vpr.engine.random import image_keys, presentation_key, stretch_key
-from lava_vpr.engine.rates import learning_spikes, rates16
+from lava_vpr.engine.rates import rates16
 from lava_vpr.errors import BundleError, ConfigError, LavaVprError
 from lava_vpr.loihi import TRACE_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Model, Stretch
@@ -109,7 +109,7 @@ def _stretch_learning(model: Model, stretch: Stretch, rates: NDArray[np.uint16])
         raise ConfigError(f"{PURPOSE} needs neurons, but those of places {places} were removed; train again")
     if learning.rule != "stdp":
         raise ConfigError(f"{PURPOSE} takes rule stdp alone, not {learning.rule}; train with --learning integer")
-    inputs, spikes = config.encoder.inputs, learning_spikes(config.encoder)
+    inputs, spikes = config.encoder.inputs, config.encoder.learning_spikes
     views, references = len(config.views.views), len(model.labels) // model.places
     shown = [
         (epoch, shown_as, stretch.first_place + place)
@@ -153,7 +153,7 @@ def chip_learning(model: Model, rates: NDArray[np.uint16] | None = None) -> tupl
 
 def _rates(model: Model) -> NDArray[np.uint16]:
     """Rates at which the references of ``model`` are learned, uint16 (images, inputs)."""
-    return rates16(model.activity, learning_spikes(integer_config(model.config, PURPOSE).encoder))
+    return rates16(model.activity, integer_config(model.config, PURPOSE).encoder.learning_spikes)
 
 
 def _phase_json(phase: FoldedPhase) -> dict[str, Any]:

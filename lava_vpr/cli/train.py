@@ -58,8 +58,9 @@ from lava_vpr.truth.alignment import shown_places
         default=None,
         help="loihi: integer network for the chip (default); balanced: the same with half of the steps, and less "
         "energy; fast: finer orientations, coarser weights and a quarter of the steps, for the least energy; accurate: "
-        "finer orientations and contrast to a place's surroundings, for the highest recall; paper: VPRSNN's conductance model as released, except that each presentation "
-        "starts from rest, delays are kept for testing, and spikes of the rest are not carried over.",
+        "finer orientations and contrast to a place's surroundings, for the highest recall; paper: VPRSNN's "
+        "conductance model as released, except that each presentation starts from rest, delays are kept for "
+        "testing, and spikes of the rest are not carried over.",
     ),
     click.option("--config", type=PATH, default=None, metavar="FILE", help="Settings in TOML."),
 )

@@ -10,7 +10,6 @@ import math
 from typing import NamedTuple
 
 from lava_vpr.config import Config, LifNetwork, StdpLearning
-from lava_vpr.engine.rates import learning_spikes
 from lava_vpr.errors import ConfigError
 from lava_vpr.settings.conductance import ConductanceNetwork
 from lava_vpr.storage.limits import excess
@@ -39,7 +38,7 @@ def training_effort(config: Config, neurons: int) -> Effort:
     if isinstance(network, LifNetwork) and learning.rule == "slayer":  # all synapses in all steps, both passes
         return Effort(3 * network.steps * neurons * inputs, 8 * network.steps * (inputs + 20 * neurons))
     if isinstance(learning, StdpLearning):
-        spikes = min(inputs, learning_spikes(config.encoder))
+        spikes = min(inputs, config.encoder.learning_spikes)
         operations = learning.steps * (neurons * (1 + spikes) + inputs)
         return Effort(math.ceil(operations), math.ceil(4 * learning.steps * spikes) + 40 * (inputs + neurons))
     if isinstance(network, LifNetwork):

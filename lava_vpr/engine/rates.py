@@ -49,17 +49,11 @@ def query_rates16(activity: NDArray[np.float32], encoder: EncoderConfig) -> NDAr
     return rates16(activity, encoder.query_spikes, encoder.query_inputs)
 
 
-def learning_spikes(encoder: EncoderConfig) -> float:
-    """Expected input spikes per step while learning: ``train_spikes``, of a front end for its own orientations."""
-    spec = encoder.front_end
-    return encoder.train_spikes * (1.0 if spec is None else spec.orientations / encoder.orientations)
-
-
 def training_rates(activity: NDArray[np.float32], config: Config) -> NDArray[np.uint16] | NDArray[np.uint32]:
     """Rates of a training presentation, as the network of ``config`` takes them."""
     if isinstance(config.network, ConductanceNetwork):
         return rates32(activity, config.encoder.max_rate_hz, config.network.dt_ms)
-    return rates16(activity, learning_spikes(config.encoder))
+    return rates16(activity, config.encoder.learning_spikes)
 
 
 def query_rates(activity: NDArray[np.float32], config: Config) -> NDArray[np.uint16] | NDArray[np.uint32]:

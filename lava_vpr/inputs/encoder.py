@@ -49,7 +49,7 @@ class EncoderConfig:
         window: Side in pixels of the divisive-normalisation window, odd.
         blur: Standard deviation in pixels of the Gaussian that the resized image is smoothed with; 0: none.
         pool_floor: Share of the image's mean edge energy that is added to that of each window.
-        train_spikes: Expected input spikes per step while training ("tot"), all together; of a front end, 8 / orientations.
+        train_spikes: Expected input spikes per step while training ("tot"), all inputs together; see `learning_spikes`.
         query_spikes: Expected input spikes per step while answering a query.
         query_inputs: Number of inputs that may spike while answering a query, those that respond most; 0: all.
         saturation: ``events``: share of the pixels that are not 0 that keep their level; what is above is cut.
@@ -116,6 +116,11 @@ class EncoderConfig:
         made = INPUTS[self.kind].front_end
         return None if made is None else made(self)
 
+    @property
+    def learning_spikes(self) -> float:
+        """Expected input spikes per step while training: `train_spikes`, for the orientations that a front end has."""
+        return self.train_spikes * (self.front_end.orientations / self.orientations if self.front_end else 1.0)
+
 
 class ChannelLayout(NamedTuple):
     """Inputs as channels over a square grid, ordered channel, row, column.
@@ -180,13 +185,7 @@ def _orientation_layout(encoder: EncoderConfig) -> ChannelLayout:
 
 def _orientation_activity(image: NDArray[np.uint8], encoder: EncoderConfig) -> NDArray[np.float32]:
     return orientation_channels(
-        image,
-        encoder.image_size,
-        encoder.cell,
-        encoder.orientations,
-        encoder.window,
-        encoder.pool_floor,
-        encoder.blur,
+        image, encoder.image_size, encoder.cell, encoder.orientations, encoder.window, encoder.pool_floor, encoder.blur
     )
 
 

@@ -17,7 +17,6 @@ from lava_vpr.config import RULES_GROUP, Config, IntegerConfig, as_integer_confi
 from lava_vpr.engine.conductance import model as conductance
 from lava_vpr.engine.learning import integer, stdp
 from lava_vpr.engine.learning.recruiting import Thresholds
-from lava_vpr.engine.rates import learning_spikes
 from lava_vpr.errors import ConfigError
 from lava_vpr.loihi import THRESHOLD_LIMIT, WEIGHT_LIMIT
 from lava_vpr.model import Stretch
@@ -82,7 +81,7 @@ class StdpTrainer(StretchTrainer):
     def __init__(self, config: Config, stretch: Stretch, key: int) -> None:
         self._learning = learning = integer_config(config, "StdpTrainer").learning
         self._places, self._exact = stretch.places, learning.arithmetic == "integer"
-        inputs, spikes = config.encoder.inputs, learning_spikes(config.encoder)
+        inputs, spikes = config.encoder.inputs, config.encoder.learning_spikes
         self._arithmetic: Any = integer if self._exact else stdp
         self._phases = self._arithmetic.phases(learning, inputs, spikes)
         self._state = self._arithmetic.initial_state(inputs, stretch.neurons, learning, spikes, config.seed, key)
@@ -242,7 +241,7 @@ OWN = (
         lambda config, stretch, key, _: StdpTrainer(config, stretch, key),
         STDP,
         "integer",
-        check=lambda config: integer.phases(config.learning, config.encoder.inputs, learning_spikes(config.encoder)),
+        check=lambda config: integer.phases(config.learning, config.encoder.inputs, config.encoder.learning_spikes),
     ),
     LearningRule(
         "slayer",

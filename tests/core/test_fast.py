@@ -16,7 +16,7 @@ from lava_vpr.deploy.bundle.compression import requantised
 from lava_vpr.deploy.bundle.deployment import plan_of
 from lava_vpr.deploy.mapping.sizing import DEVIATIONS
 from lava_vpr.engine.inference.quantise import distinctive, unit_norm
-from lava_vpr.engine.rates import learning_spikes, query_rates, rates16, training_rates
+from lava_vpr.engine.rates import query_rates, rates16, training_rates
 from lava_vpr.loihi import HOST_SPIKES
 from lava_vpr.model import Model
 from lava_vpr.training.loop import train
@@ -66,7 +66,7 @@ def test_a_front_end_of_eight_orientations_learns_with_twelve_spikes(name: str) 
     config = update(preset(name), {"encoder": {"kind": "frontend"}})
     rates = training_rates(np.random.default_rng(0).random((3, 2048)).astype(np.float32), config)
     assert rates.sum(axis=1) / 65536 == pytest.approx(12, rel=1e-3)
-    assert learning_spikes(preset(name).encoder) == 1.5 * preset(name).encoder.orientations
+    assert preset(name).encoder.learning_spikes == 1.5 * preset(name).encoder.orientations
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)
