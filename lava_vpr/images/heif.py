@@ -1,6 +1,6 @@
-"""HEIC and HEIF photos: a walk over the boxes of a file, and decoding by the optional package pi-heif.
+"""HEIC and HEIF photos: a walk over the boxes of a file, and decoding by the optional package pillow-heif or pi-heif.
 
-The walk checks a file before libheif, which pi-heif wraps, sees it: all boxes and items must be whole, and no picture
+The walk checks a file before libheif, which both wrap, sees it: all boxes and items must be whole, and no picture
 may have a format that no phone writes. libheif turns the picture as the file says; its EXIF orientation only repeats
 that.
 
@@ -10,6 +10,8 @@ Sources: ISO/IEC 14496-12 (boxes and items), ISO/IEC 23008-12 (HEIF), ITU-T H.26
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -28,19 +30,22 @@ _FOREIGN = (b"av01", b"avc1", b"evc1", b"j2k1", b"mski", b"unci", b"vvc1")
 _ZEROS = bytes(8)  # H.265 never has more than two bytes 0 in a row, lengths and padding never so many
 
 
-def decoder() -> Any | None:
-    """The package pi_heif; None: it cannot be imported."""
-    try:
-        import pi_heif
+PACKAGES = ("pillow_heif", "pi_heif")
+"""The modules that decode, with the same functions; the first is the one that is maintained."""
 
-        pi_heif.libheif_version()  # imports what is compiled
-    except ImportError:
-        return None
-    return pi_heif
+
+def decoder() -> Any | None:
+    """The first of `PACKAGES` that can be imported, or None."""
+    for name in PACKAGES:
+        with suppress(ImportError):
+            package = import_module(name)
+            package.libheif_version()  # imports what is compiled
+            return package
+    return None
 
 
 def decoded(package: Any, data: bytes) -> NDArray[np.uint8]:
-    """The main picture of a file, upright, by the ``package`` pi_heif: (h, w, 3) BGR, or (h, w); 8 bits.
+    """The main picture of a file, upright, by the ``package``: (h, w, 3) BGR, or (h, w); 8 bits.
 
     Raises:
         DamagedError: it cannot be decoded.

@@ -13,11 +13,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.common.imagefiles import image_bytes, refused, smooth_picture, stand_in_heif, upright, watched, written
+from support.common.imagefiles import (
+    image_bytes,
+    refused,
+    smooth_picture,
+    stand_in_heif,
+    upright,
+    watched,
+    without_heif,
+    written,
+)
 
 from lava_vpr.images.exif import Taken, taken
 from lava_vpr.images.files import folder_images
 from lava_vpr.images.formats import walk
+from lava_vpr.images.heif import decoder
 from lava_vpr.images.imagefiles import decode_image, read_image
 from lava_vpr.traverse import open_traverse
 
@@ -32,8 +42,8 @@ HERE = Taken((63.4, 10.4), 1714557610.5, True)
 
 @pytest.fixture
 def without(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An environment without pi-heif."""
-    monkeypatch.setitem(sys.modules, "pi_heif", None)
+    """An environment that cannot decode HEIC."""
+    without_heif(monkeypatch)
 
 
 @pytest.fixture(params=["stand-in", "pi-heif"])
@@ -47,8 +57,9 @@ def package(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def real() -> None:
-    """Skip a test where pi-heif is not installed."""
-    pytest.importorskip("pi_heif", reason="needs pi-heif: pip install 'lava-vpr[heic]'")
+    """Skip a test where no package decodes HEIC."""
+    if decoder() is None:
+        pytest.skip("needs pi-heif: pip install 'lava-vpr[heic]'")
 
 
 def near(image: NDArray[np.uint8], wanted: NDArray[np.uint8]) -> None:
@@ -84,6 +95,16 @@ def test_a_package_that_cannot_be_loaded_counts_as_none(monkeypatch: pytest.Monk
 
     monkeypatch.setattr(sys.modules["pi_heif"], "libheif_version", broken)
     refused(lambda: decode_image(TURNED, "a"), "which cannot be read", "pip install 'lava-vpr[heic]'")
+
+
+def test_the_package_that_is_maintained_decodes_before_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    stand_in_heif(monkeypatch, lambda data: UPRIGHT, "pillow_heif")
+    maintained = sys.modules["pillow_heif"]
+    assert decoder() is maintained
+    stand_in_heif(monkeypatch, lambda data: pytest.fail("the other decodes"))
+    assert decoder() is sys.modules["pi_heif"]
+    monkeypatch.setitem(sys.modules, "pillow_heif", maintained)
+    assert np.array_equal(decode_image(TURNED, "a"), UPRIGHT)
 
 
 def test_avif_is_to_be_converted_with_the_package_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -124,7 +145,7 @@ def test_folders_have_heic_among_their_images(tmp_path: Path, caplog: pytest.Log
 
 @pytest.mark.usefixtures("package")
 def test_a_picture_beyond_the_limit_is_not_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.modules["pi_heif"], "open_heif", None)
+    monkeypatch.setattr(decoder(), "open_heif", None)
     monkeypatch.setenv("LAVA_VPR_MAX_IMAGE_PIXELS", str(64 * 64 - 1))  # HEVC codes 64 rows, of which 48 are shown
     refused(lambda: decode_image(TURNED, "a"), "a: has 64 x 64 = 4,096 pixels, more than the 4,095 allowed")
     monkeypatch.setenv("LAVA_VPR_MAX_IMAGE_PIXELS", str(64 * 64))
@@ -134,7 +155,7 @@ def test_a_picture_beyond_the_limit_is_not_decoded(monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.usefixtures("package")
 def test_every_cut_and_every_tail_of_zeros_is_refused_before_it_is_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.modules["pi_heif"], "open_heif", None)
+    monkeypatch.setattr(decoder(), "open_heif", None)
     for length in range(12, len(TURNED)):
         refused(lambda length=length: decode_image(TURNED[:length], "a"), "a: is damaged or cut short (")
     picture = TURNED.index(b"mdat") + 4
@@ -148,7 +169,7 @@ def test_every_cut_and_every_tail_of_zeros_is_refused_before_it_is_decoded(monke
 @pytest.mark.usefixtures("package")
 @pytest.mark.parametrize("kind", [b"unci", b"av01", b"mski"])
 def test_pictures_in_other_formats_are_not_handed_on(kind: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.modules["pi_heif"], "open_heif", None)
+    monkeypatch.setattr(decoder(), "open_heif", None)
     data = TURNED.replace(b"hvc1", kind)
     refused(lambda: decode_image(data, "a"), f"a: holds a picture of kind '{kind.decode()}', but only HEVC is read")
     data = TURNED.replace(b"ispe", b"free")

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lava_vpr.errors import InputError
+from lava_vpr.images.heif import PACKAGES
 from lava_vpr.readers import Frame, open_source
 
 QUICK = settings(deadline=None, derandomize=True, max_examples=25)
@@ -74,12 +75,19 @@ def upright(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:
     }[orientation]
 
 
-def stand_in_heif(monkeypatch: pytest.MonkeyPatch, picture: Callable[[bytes], Any]) -> None:
-    """Puts ``picture``, a function of a HEIC file's bytes, in the place of pi-heif's decoder."""
-    module: Any = ModuleType("pi_heif")
+def without_heif(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An environment that cannot decode HEIC."""
+    for name in PACKAGES:
+        monkeypatch.setitem(sys.modules, name, None)
+
+
+def stand_in_heif(monkeypatch: pytest.MonkeyPatch, picture: Callable[[bytes], Any], name: str = "pi_heif") -> None:
+    """Puts ``picture``, a function of a HEIC file's bytes, in the place of the only decoder, the module ``name``."""
+    without_heif(monkeypatch)
+    module: Any = ModuleType(name)
     module.libheif_version = lambda: "1.23.4"
     module.open_heif = lambda data, bgr_mode: picture(data) if bgr_mode else None
-    monkeypatch.setitem(sys.modules, "pi_heif", module)
+    monkeypatch.setitem(sys.modules, name, module)
 
 
 def png_chunk(kind: bytes, data: bytes) -> bytes:
