@@ -107,11 +107,14 @@ def at_cluster(place: Path, places: int, queries: int, workers: int) -> list[lis
 
 
 def alone(place: Path, places: int, queries: int) -> list[list[str]]:
-    """Learn and ask a route on this machine alone; model and figures must have the cluster's bytes."""
+    """Learn and ask a route on this machine alone; the model must have the cluster's bytes, and the same figures."""
     runs = {what: lava_vpr(place, *words) for what, words in commands(places, queries, "here").items()}
-    for suffix in ("lvpr", "json"):
-        if (place / f"here.{suffix}").read_bytes() != (place / f"there.{suffix}").read_bytes():
-            raise SystemExit(f"{places} places: {suffix} of the cluster and of one machine differ")
+    here, there = ((place / f"{name}.lvpr").read_bytes() for name in ("here", "there"))
+    if here != there:
+        raise SystemExit(f"{places} places: the models of the cluster and of one machine differ")
+    single, shared = (json.loads((place / f"{name}.json").read_bytes()) for name in ("here", "there"))
+    if single | {"model": ""} != shared | {"model": ""}:
+        raise SystemExit(f"{places} places: figures of the cluster and of one machine differ")
     return [row(f"`{what}`, no cluster", places, run) for what, run in runs.items()]
 
 
