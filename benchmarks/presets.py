@@ -247,18 +247,21 @@ def choose(base: Config, part: str, values: Mapping[str, Sequence[Any]], log: Lo
     return update(base, sections(part, log.chosen(trials, str)))
 
 
+def begun(cases: Sequence[Case], goal: Goal) -> dict[str, float]:
+    """The settings from which the search of a network within ``goal`` starts."""
+    return {**current(cases[0].model), **goal.start, "steps": float(goal.steps)}
+
+
 def choose_network(base: Config, cases: Sequence[Case], fresh: Sequence[Case], goal: Goal, log: Log) -> Config:
     """``base`` with the network of the best recall within ``goal``; ``fresh`` are cases of other seeds."""
-    start = {**current(cases[0].model), **goal.start, "steps": float(goal.steps)}
     wins = better(log, goal.microjoules, lambda settings: preset_means(fresh, settings))
-    trials = descend(start, NETWORK, lambda settings: preset_means(cases, settings), wins)
+    trials = descend(begun(cases, goal), NETWORK, lambda settings: preset_means(cases, settings), wins)
     return configured(base, log.chosen(trials, str))
 
 
 def show_finals(name: str, cases: Sequence[Case], fresh: Sequence[Case], log: Log) -> None:
     """What all of `FINALS` recall with the search's seeds, and its score with these, with fresh ones and with all."""
-    goal = GOALS[name]
-    start = {**current(cases[0].model), **goal.start, "steps": float(goal.steps)}
+    start = begun(cases, GOALS[name])
     for values in itertools.product(*FINALS[name].values()):
         settings = dict(zip(FINALS[name], values, strict=True))
         means = [preset_means(some, start | settings) for some in (cases, fresh)]

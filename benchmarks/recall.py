@@ -72,8 +72,14 @@ TABLES: dict[str, list[ResultRow]] = {
         varied("without signs", {"network": {"signed": False}}, "fast", costs=True),
         varied("prune 0.8", {"network": {"prune": 0.8}}, "fast", costs=True),
         varied("Poisson trains", {"network": {"trains": "poisson"}}, "fast", costs=True),
+        varied("preset fast, and the paper's decoders", {}, "fast", matchers=PAPERS),
+        varied("threshold 0.35, and the paper's decoders", {"network": {"threshold": 0.35}}, "fast", matchers=PAPERS),
         ResultRow("0:500 in one model", preset("fast"), ALL, costs=True),
         ResultRow("0:500 in one model, sequences of 5", preset("fast"), ALL, sequence=5),
+    ],
+    "accurate": [
+        varied("preset accurate", {}, "accurate"),
+        varied("prune 0 (none)", {"network": {"prune": 0.0}}, "accurate"),
     ],
     "paper": [
         ResultRow("preset paper, 0:100 and 300:400", preset("paper"), PAPER, (*PAPERS, "contrast", "sad", "hog")),

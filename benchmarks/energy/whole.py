@@ -61,7 +61,7 @@ def dataset_of(row: ResultRow) -> str:
 
 
 def encoding_of(row: ResultRow) -> str:
-    """What encodes a row's images: rows with equal encoders are timed once."""
+    """What encodes a row's images: the presets' encoders differ in their orientations, and each is timed once."""
     return f"{dataset_of(row)}, encoding in {row.config.encoder.orientations} orientations"
 
 

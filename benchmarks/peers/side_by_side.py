@@ -71,10 +71,10 @@ class Loihi:
     def __init__(self, images: list[NDArray[np.uint8]]) -> None:
         config = integer_config(preset("loihi"), "the peer")
         activity = np.stack([activity_of(image, config.encoder) for image in images])
-        self.learning_rates = rates16(activity, config.encoder.train_spikes)
+        self.learning_rates = rates16(activity, config.encoder.learning_spikes)
         self.query_rates = query_rates16(activity, config.encoder)
         self.keys = presentation_keys(config.seed, "query", image_keys(self.query_rates))
-        learning, inputs, spikes = config.learning, config.encoder.inputs, config.encoder.train_spikes
+        learning, inputs, spikes = config.learning, config.encoder.inputs, config.encoder.learning_spikes
         self.state = stdp.initial_state(inputs, NEURONS, learning, spikes, config.seed, 0)
         self.phase = stdp.phases(learning, inputs, spikes)[0]
         for q in range(len(images)):

@@ -39,6 +39,7 @@ OPTIONAL = {
     "lava-nc": ("Python 3.10", "Intel's Lava, archived: the backends lava-*, the Processes and their notebook"),
     "lava-dl": ("dl", "Lava's deep-learning library, pulls torch (5.6 GB): pip install 'lava-vpr[dl]'"),
     "pi-heif": ("heic", "reads HEIC, only of people you trust (docs/limits.md): pip install 'lava-vpr[heic]'"),
+    "pillow-heif": ("by hand", "reads HEIC in pi-heif's place, is maintained, has GPL parts: pip install pillow-heif"),
     "lava-loihi": ("vendor", "Intel's closed package that drives Loihi 2; from Intel's research cloud"),
     "nxsdk": ("vendor", "Intel's closed package that drives Kapoho Bay; from Intel's research cloud"),
 }

@@ -28,8 +28,6 @@ _PICTURE, _EXIF = b"hvc1", b"Exif"
 _FOREIGN = (b"av01", b"avc1", b"evc1", b"j2k1", b"mski", b"unci", b"vvc1")
 """Kinds of pictures that libheif may decode, too, and no phone writes."""
 _ZEROS = bytes(8)  # H.265 never has more than two bytes 0 in a row, lengths and padding never so many
-
-
 PACKAGES = ("pillow_heif", "pi_heif")
 """The modules that decode, with the same functions; the first is the one that is maintained."""
 

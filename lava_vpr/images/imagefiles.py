@@ -1,10 +1,10 @@
 """Image files as uint8 arrays, read from paths, or from a folder as they appear there; a damaged file is one clear
 error.
 
-OpenCV decodes, HEIC pi-heif. Around it, this module walks over the file's structure, applies the EXIF orientation, and
-catches what codecs print on standard error, so that the user sees only our line.
+OpenCV decodes, and `lava_vpr.images.heif` HEIC. Around them, this module walks over the file's structure, applies the
+EXIF orientation, and catches what codecs print on standard error, so that the user sees only our line.
 
-Formats: JPEG, PNG, BMP, TIFF, WebP, and HEIC where pi-heif is installed, recognised by content and not by name; of
+Formats: JPEG, PNG, BMP, TIFF, WebP, and HEIC where a package reads it, recognised by content and not by name; of
 several pages or animation frames the first, of a HEIC file the main picture. Transparency is dropped: the colours below
 it are used as they are stored, as OpenCV's own colour reading does.
 16-bit samples become ``round(x / 257)``, which gives back exactly any image that was widened from 8 bits.

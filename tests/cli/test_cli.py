@@ -72,7 +72,7 @@ def test_doctor_says_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     missing = lava_missing()
     assert re.search(rf"│ lava-nc +│ {'0.10.0' if missing is None else 'not installed'} ", text)
     assert re.search(rf"│ lava-fused +│ {'yes' if missing is None else 'no'} ", text)
-    for extra in ("lava-dl", "pi-heif", "lava-loihi", "nxsdk"):
+    for extra in ("lava-dl", "pi-heif", "pillow-heif", "lava-loihi", "nxsdk"):
         assert re.search(rf"│ {extra} +│ ", text)
     assert "SANA-FE" not in text
     assert re.search(r"│ RAPL +│ (not )?readable", text)

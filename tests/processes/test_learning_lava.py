@@ -107,7 +107,7 @@ def test_every_weight_trace_threshold_and_spike_equals_the_host_engine(phase: In
 
 def untrained(config: Config, neurons: int) -> tuple[IntegerLearning, IntegerLearning, PlasticState]:
     """Both phases of learning, and the state at its start."""
-    learning, inputs, spikes = config.learning, config.encoder.inputs, config.encoder.train_spikes
+    learning, inputs, spikes = config.learning, config.encoder.inputs, config.encoder.learning_spikes
     return *phases(learning, inputs, spikes), initial_state(inputs, neurons, learning, spikes, config.seed, 0)
 
 
@@ -116,7 +116,7 @@ def untrained(config: Config, neurons: int) -> tuple[IntegerLearning, IntegerLea
 def test_the_first_real_images_of_both_phases_equal_the_host_engine(data_root: Path) -> None:
     config = preset("loihi")
     images = encoded("summer", config.encoder).take(slice(0, 5))
-    rates = rates16(images.activity, config.encoder.train_spikes)
+    rates = rates16(images.activity, config.encoder.learning_spikes)
     keys = presentation_keys(config.seed, "train", images.indices)
     competition, consolidation, state = untrained(config, 100)
     assert hold_against_host(competition, state, rates, keys) > 50
@@ -151,7 +151,7 @@ def test_the_library_alone_equals_the_host_engine() -> None:
 def test_a_real_image_is_learned_alike_by_the_library(data_root: Path) -> None:
     config = preset("loihi")
     images = encoded("summer", config.encoder).take(slice(0, 1))
-    rates = rates16(images.activity, config.encoder.train_spikes)
+    rates = rates16(images.activity, config.encoder.learning_spikes)
     keys = presentation_keys(config.seed, "train", images.indices)
     competition, _, state = untrained(config, 25)
     phase = dataclasses.replace(competition, neurons=LifParameters(dv=competition.neurons.dv), weight_sum=0)

@@ -9,94 +9,21 @@ import os
 import re
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
 
 import cv2
 import matplotlib
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from support.common.browser import PHONE, acted, on_phone, visit
+from support.common.browser import acted, visit
+from support.common.reports import BEND, REJECTED, WORDS, WRONG, example
 
-from lava_vpr.config import Config
-from lava_vpr.configfile import to_toml
 from lava_vpr.errors import InputError
-from lava_vpr.inputs.encoder import INPUTS, ChannelLayout
-from lava_vpr.inputs.orientation import orientation_channels
-from lava_vpr.matching.evaluation import Metrics, evaluate
-from lava_vpr.report.data import MapData, Raster, ReportData
+from lava_vpr.matching.evaluation import Metrics
+from lava_vpr.report.data import MapData
 from lava_vpr.report.html import page
 from lava_vpr.report.sections import true_place, true_role
 from lava_vpr.show.page import write_page
 from lava_vpr.show.svg import THEME
-
-WRONG, REJECTED = 5, 9
-# For tests that look at words: drawing takes most of the time.
-WORDS: dict[str, Any] = {"matrices": {}, "rasters": ()}
-
-
-def thumbnails(n: int, height: int = 24, width: int = 40) -> NDArray[np.uint8]:
-    """Images of a horizon, a sun and a track that move with the place."""
-    y, x = np.mgrid[:height, :width]
-    images = np.zeros((n, height, width, 3), np.uint8)
-    for i in range(n):
-        horizon = height * (0.3 + 0.25 * math.sin(i / 3))
-        images[i, ..., 0] = np.where(y < horizon, 210, 60)
-        images[i, ..., 1] = np.where(y < horizon, 190, 110)
-        sun = (y - 5) ** 2 + (x - (7 * i) % width) ** 2 < 12
-        track = (np.abs(x - width / 2) < (y - horizon) * 0.6) & (y > horizon)
-        images[i, ..., 2] = np.where(sun, 255, np.where(track, 120, 40))
-    return images
-
-
-def example(n: int = 12, kind: str = "orientation", **changes: Any) -> ReportData:
-    """A report over ``n`` places; query 5 is wrong and query 9 unanswered."""
-    rng = np.random.default_rng(7)
-    images, truth = thumbnails(n), np.eye(n, dtype=np.bool_)
-    scores = rng.uniform(0, 4, (n, n)) + 8 * truth
-    if n > REJECTED:
-        scores[WRONG, 2], scores[REJECTED] = 14.0, 0.0
-    matches = np.where(scores.any(axis=1), scores.argmax(axis=1), -1)
-    ranked = np.sort(np.pad(scores, ((0, 0), (1, 0))), axis=1)
-    confidence = ranked[:, -1] - ranked[:, -2]
-    sad = -rng.uniform(10, 60, (n, n)) + 20 * truth
-    matrices = {"contrast": scores, "sad": sad, "cosine": 1 + sad / 80}
-    metrics = {name: evaluate(s, s.max(axis=1), truth) for name, s in (*matrices.items(), ("weighted", scores))}
-    channels, grid = {"orientation": (4, 7), "onoff": (2, 28), "pixels": (1, 28)}[kind]
-    if kind == "orientation":
-        weights = np.stack([orientation_channels(i, side=28, orientations=4) for i in images], axis=1)
-    else:
-        weights = rng.integers(0, 8, (channels * grid * grid, n)).astype(np.float64)
-    shown = [q for q in (0, 1, WRONG, REJECTED) if q < n]
-    rasters = tuple(
-        Raster(q, int(matches[q]), q, 103, n, rng.integers(0, 103, 60), rng.integers(0, n, 60), 600 + q) for q in shown
-    )
-    data = ReportData(
-        title="Synthetic world, noon to dusk",
-        command="lava-vpr eval world.lvpr query/ --baseline sad --baseline cosine",
-        summary={"neurons": str(n), "weight bits": "3", "steps": "100"},
-        default_decoder="contrast",
-        metrics=metrics,
-        matrices=matrices,
-        truth=truth,
-        matches=matches,
-        confidence=confidence,
-        place_names=tuple(f"r{i:03}.png" for i in range(n)),
-        query_names=tuple(f"q{i:03}.png" for i in range(n)),
-        place_numbers=tuple(range(n)),
-        query_numbers=tuple(range(n)),
-        place_thumbnails=images,
-        query_thumbnails=255 - images,
-        input_layout=ChannelLayout(channels, grid),
-        drawing=INPUTS[kind].drawing,
-        legend=INPUTS[kind].legend,
-        weights=weights,
-        neuron_places=np.arange(n)[::-1].copy(),
-        rasters=rasters,
-        events={"synaptic_operations": 88012, "exc_spikes": 41.25, "messages": 4250},
-        config_toml=to_toml(Config()),
-    )
-    return dataclasses.replace(data, **changes)
 
 
 @pytest.fixture(scope="module")
@@ -366,47 +293,3 @@ def test_foreign_scripts_are_refused_and_errors_are_seen(report: Path, tmp_path:
     broken = tmp_path / "broken.html"
     broken.write_text("<!DOCTYPE html><title>x</title><script>null.x</script>", encoding="utf-8")
     assert "TypeError" in "".join(visit(broken).console)
-
-
-ALONG = np.linspace(0, 1, 12)
-BEND = np.stack([3000 * ALONG, 400 * np.sin(5 * ALONG)], axis=1)
-
-
-def mapped(places: NDArray[np.float64] = BEND, queries: NDArray[np.float64] = BEND + 6.0) -> ReportData:
-    """The example on a road that bends, its queries a few metres from their places."""
-    return example(12, map=MapData(places, queries, "median 8.5 m, & no more"), **WORDS)
-
-
-def test_the_map_leads_each_query_to_its_match() -> None:
-    drawn = re.search(r'<section id="map">.*?</section>', page(mapped()), re.DOTALL)
-    assert drawn is not None
-    lines = {
-        name: re.findall(r"<path[^>]*d=\"M ([-\d.]+) ([-\d.]+) \nL ([-\d.]+) ([-\d.]+)", part)
-        for name, part in re.findall(r'<g id="map-error-(\w+)">(.*?)</g>', drawn[0], re.DOTALL)
-    }
-    assert {name: len(found) for name, found in lines.items()} == {"right": 10, "wrong": 1}
-    (ends,) = np.array(lines["wrong"], float).reshape(-1, 2, 2)
-    starts = np.array(lines["right"], float).reshape(-1, 2, 2)
-    assert np.ptp(starts, axis=1).max() < 3  # six metres of three kilometres
-    scale = (starts[-1, 1, 0] - starts[0, 1, 0]) / 3000  # from the first to the last place
-    wanted = 3000 * (ALONG[2] - ALONG[WRONG]) - 6
-    assert (ends[1, 0] - ends[0, 0]) / scale == pytest.approx(wanted, abs=2)
-    assert "Median 8.5 m, &amp; no more." in drawn[0]
-    assert 'href="#map"' in page(mapped())
-    assert 'href="#map"' not in page(example(**WORDS))
-
-
-def test_a_map_of_equal_positions_or_of_a_jump_is_drawn() -> None:
-    nowhere = np.zeros((12, 2))
-    assert '<section id="map">' in page(mapped(nowhere, nowhere))
-    jump = np.stack([np.r_[np.arange(6.0), 9000 + np.arange(6.0)], np.zeros(12)], axis=1)
-    text = page(mapped(jump, jump))
-    route = re.search(r'<section id="map">.*?<g id="map-LineCollection_1">(.*?)</g>', text, re.DOTALL)
-    assert route is not None
-    assert route[1].count("<path") == 10  # of 11 steps, all but the jump
-
-
-def test_on_a_phone_nothing_sticks_out_and_words_can_be_read(tmp_path: Path) -> None:
-    seen = on_phone(page(mapped()), tmp_path)
-    assert seen.wide <= PHONE
-    assert (seen.smallest or 0) >= 7

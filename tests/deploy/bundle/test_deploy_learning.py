@@ -91,7 +91,7 @@ def test_what_is_written_is_of_the_model(model: Model) -> None:
 
 def test_rates_may_differ_by_what_machines_do(model: Model) -> None:
     """A rate of another machine is another key of its image, so that all that follows from it is another, too."""
-    rates = rates16(model.activity, model.config.encoder.train_spikes)
+    rates = rates16(model.activity, model.config.encoder.learning_spikes)
     rates[0] += 1
     files = learning_files(model, rates)
     assert files["learning/stretch000/keys.npy"] != learning_files(model)["learning/stretch000/keys.npy"]
