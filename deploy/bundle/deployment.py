@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from lava_vpr import __version__
 from lava_vpr.cluster.tasks import Pool
 from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.boards.plan import Plan
@@ -18,7 +17,7 @@ from lava_vpr.deploy.bundle.folder import ReadBundle, json_bytes
 from lava_vpr.deploy.bundle.front_end import FRONT_END, front_end_files
 from lava_vpr.deploy.bundle.gains import FACTS, facts, gain_files
 from lava_vpr.deploy.bundle.readme import readme
-from lava_vpr.deploy.bundle.references import reference_files
+from lava_vpr.deploy.bundle.references import described, reference_files
 from lava_vpr.deploy.bundle.targets import TARGETS, program_files
 from lava_vpr.deploy.cost.expected import timed
 from lava_vpr.deploy.hardware.belief import BIAS_INPUT, DENSE, LEARNING, LONG, NARROW, HardwareBelief
@@ -181,24 +180,13 @@ def deploy(
 def _manifest(model: Model, plan: Plan, compression: dict[str, Any] | None) -> dict[str, Any]:
     """The manifest of the bundle of ``model``, without the list of its files."""
     network, board = plan.network, plan.board
-    limits = {name: "unknown" if value is None else value for name, value in board.as_json().items()}
-    return {
-        "target": board.name,
-        "lava_vpr": __version__,
-        "network": {
-            "inputs": network.inputs,
-            "neurons": network.neurons,
-            **network.scalars,
-            "silent_steps": network.silent_steps,
-            "places": model.places,
-        },
+    return described(model, network, board) | {
         "input": {
             "mode": "bias" if network.bias_input else "injected",
             "trains": "regular" if network.regular else "poisson",
             "host_spikes_per_step": round(plan.host_spikes, 3),
         },
         "clearing": board.clearing.of(network),
-        "limits": limits,
         "compression": compression,
         "modelled": modelled(plan),
     }

@@ -16,12 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lava_vpr import __version__
 from lava_vpr.deploy.boards.board import BOARDS, KAPOHO_BAY, Board, LifReset
 from lava_vpr.deploy.bundle import loihi2_pixels, readme
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle, array_bytes, json_bytes
 from lava_vpr.deploy.bundle.front_end import FRONT_END, LEFT_OUT, front_end_files, whole_of
-from lava_vpr.deploy.bundle.references import reference_files
+from lava_vpr.deploy.bundle.references import described, reference_files
 from lava_vpr.deploy.hardware.belief import BIAS_INPUT, LONG, HardwareBelief
 from lava_vpr.deploy.hardware.loihi_2 import RESET_SHOWN
 from lava_vpr.deploy.hardware.table import relied_on
@@ -114,20 +113,9 @@ def direct_contents(
     files = {**reference_files(model), **program, **parts, **_own_files(model)}
     files["mapping.json"] = json_bytes(plan.as_json(0))
     files["README.md"] = readme.direct_readme(model, spec, plan, form.guide, form.parts, rows)
-    limits = {name: "unknown" if value is None else value for name, value in board.as_json().items()}
-    manifest = {
-        "target": board.name,
-        "lava_vpr": __version__,
-        "network": {
-            "inputs": network.inputs,
-            "neurons": network.neurons,
-            **network.scalars,
-            "silent_steps": network.silent_steps,
-            "places": model.places,
-        },
+    manifest = described(model, network, board) | {
         "input": {"mode": "pixels", "pixels": spec.populations["pixels"]},
         "clearing": form.cleared(spec),
-        "limits": limits,
         "compression": None,
         "modelled": None,
         FRONT_END: facts,

@@ -1,4 +1,5 @@
-"""The parts of a model that a bundle stores besides the network, for decoding, baselines and self-tests."""
+"""What a bundle says of its model, and the parts that it stores besides the network: for decoding, baselines and
+self-tests."""
 
 from __future__ import annotations
 
@@ -8,7 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lava_vpr import __version__
 from lava_vpr.configfile import of_file
+from lava_vpr.deploy.boards.board import Board
 from lava_vpr.deploy.bundle.folder import AGAIN, MANIFEST, ReadBundle, array_bytes
 from lava_vpr.engine.effort import check_query
 from lava_vpr.engine.inference.fixed import FixedNetwork
@@ -32,6 +35,23 @@ def reference_files(model: Model) -> dict[str, bytes]:
         RESPONSES: array_bytes(model.responses.astype(np.int32)),
         LABELS: array_bytes(model.labels.astype(np.int64)),
         REFERENCES: container.pack("references", *content(model, network=False)),
+    }
+
+
+def described(model: Model, network: FixedNetwork, board: Board) -> dict[str, Any]:
+    """What every manifest says of the bundle's model, ``network`` and board."""
+    limits = {name: "unknown" if value is None else value for name, value in board.as_json().items()}
+    return {
+        "target": board.name,
+        "lava_vpr": __version__,
+        "network": {
+            "inputs": network.inputs,
+            "neurons": network.neurons,
+            **network.scalars,
+            "silent_steps": network.silent_steps,
+            "places": model.places,
+        },
+        "limits": limits,
     }
 
 

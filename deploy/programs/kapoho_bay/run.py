@@ -9,7 +9,7 @@
                                              Q/keys.npy uint64 (n,) in; R/counts.npy int32 (n, neurons) out;
                                              if there are, Q/biases.npy int32 (n, neurons) and Q/exponents.npy int32
                                              (n,): mantissas and exponent of each query's biases; or, of a bundle with
-                                             gains, Q/activity.npy float32 (n, inputs) alone, of the same images
+                                             gains, Q/activity.npy float32 (n, inputs) alone, of the same images;
                                              of a bundle that takes pixels, Q/pixels.npy uint8 (n, rows, columns)
                                              in place of rates and keys
     .. --ways W,W                            other ways to ask NxSDK, which --ladder finds and names (LAVA_VPR_WAYS)
