@@ -12,6 +12,8 @@ QUIET := $(shell test -t 2 || echo --quiet)
 unexport PYTHONDONTWRITEBYTECODE
 # NO_COMPILE=--no-compile halves the time of an installation: modules are compiled as they are imported.
 INSTALL := pip install $(QUIET) --disable-pip-version-check $(NO_COMPILE)
+# Other simulators of Loihi.
+ORACLES := .venv-brian2-loihi/.installed .venv-nengo-loihi/.installed
 # Tests run side by side, one row of them a processor.
 TESTS := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
@@ -85,7 +87,7 @@ bench: recall ## Recall on real images, and the time of a query from its command
 results: $(STAMP) ## Compute the figures of docs/results.md that are out of date, and write them down (LAVA_VPR_DATA)
 	@$(BIN)/python -m benchmarks.results
 
-figures: images $(STAMP) ## Compute every figure of the docs again: all records, results, pages; takes hours (LAVA_VPR_DATA)
+figures: images $(STAMP) $(ORACLES) .venv-sanafe/.installed .venv-torch/.installed ## Compute every figure of the docs again: all records, results, pages; takes hours (LAVA_VPR_DATA; all environments, 6 GB)
 	@$(BIN)/python -m benchmarks commands.records
 
 pages: $(STAMP) ## Write the parts of README and docs that records and code decide
@@ -102,8 +104,6 @@ peers: .venv-peers/.installed ## Side by side with VPRSNN's network in Brian2 (a
 
 peers-test: .venv-peers/.installed ## The tests that hold the paper preset against Brian2
 	@.venv-peers/bin/python -m pytest tests/engine/test_conductance.py -m slow --timeout 1800
-
-ORACLES := .venv-brian2-loihi/.installed .venv-nengo-loihi/.installed
 
 $(ORACLES): .venv-%/.installed: benchmarks/oracles/%.txt scripts/find_python.sh
 	$(call environment,benchmarks/oracles/$*.txt)

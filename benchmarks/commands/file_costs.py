@@ -82,7 +82,7 @@ def deploy_blank(config: Config, places: int, board: str) -> Callable[[Path], ob
 
     def make(place: Path) -> None:
         save_blank(config, places)(place)
-        words = [*PROGRAM, "deploy", "model.lvpr", "--target", board, "-o", "bundle"]
+        words = [*PROGRAM, "deploy", "model.lvpr", "--target", board, "--input-mode", "injected", "-o", "bundle"]
         subprocess.run(words, cwd=place, check=True, stdout=subprocess.DEVNULL)
 
     return make

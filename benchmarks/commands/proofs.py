@@ -68,7 +68,7 @@ PROOFS: Mapping[str, Sequence[Proof]] = {
     "exactness": (
         Proof(
             "20 real queries, input compartments: `lava-fixed`, `lava-library`, exc of `lava-fused`, and the host",
-            f"{SLOW} tests/processes/test_bias_inputs.py",
+            f"{SLOW} tests/backends/test_verification.py -k 3-bias",
             r"lava-fixed: (\S+ spikes of exc and inh, \S+ in all)",
         ),
         under_gains(100),
