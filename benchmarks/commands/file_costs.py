@@ -134,7 +134,7 @@ def cases() -> dict[str, CostlyFile]:
     loihi = preset("loihi")
     fast = preset("fast")
     long = update(loihi, {"network": {"steps": 65_536}})
-    kapoho = largest(loihi, KAPOHO_BAY).places
+    kapoho = largest(loihi, KAPOHO_BAY, weights="every").places
     query = [*PROGRAM, "query", "model.lvpr", IMAGE, "-o", "answer.csv"]
     bundle = [*PROGRAM, "query", "bundle", IMAGE, "-o", "answer.csv"]
     few = save_blank(loihi, 2)
@@ -155,7 +155,7 @@ def cases() -> dict[str, CostlyFile]:
             "a bundle of 16,000 places for Loihi 2", "`query`", deploy_blank(fast, 16_000, "loihi2"), bundle
         ),
         "kapoho": CostlyFile(
-            f"a bundle of {kapoho} places for Kapoho Bay",
+            f"a bundle of {kapoho:,} places for Kapoho Bay",
             "`query --backend bundle`",
             deploy_blank(loihi, kapoho, "kapoho-bay"),
             [*bundle, "--backend", "bundle"],
