@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
 from benchmarks.places import TEMPLATES, PlacesSection, learned, places
 from benchmarks.program import BenchmarkTable, Printed, program
@@ -52,12 +51,6 @@ def figures_and_seconds(row: ResultRow, section: PlacesSection, seed: int) -> Fi
     return asked(row, model, section, costs=seed == SEEDS[0]) | {"training": [round(seconds, 2)]}
 
 
-def recalled(record: Record, row: ResultRow, sections: Sequence[PlacesSection]) -> str:
-    """Means of R@1, R@100P and AUC, and how far the seeds' mean R@1 spread."""
-    spread = np.std([record.mean(row, sections=sections, seeds=(seed,))[0] for seed in SEEDS])
-    return f"{record.cell(row, sections=sections)} (R@1 of seeds ± {spread:.1f})"
-
-
 @program(*(section.dataset for section in FIVE))
 @click.option("--learner", "names", multiple=True, type=click.Choice(list(LEARNERS)), help="Only these.")
 def main(names: Sequence[str]) -> Printed:
@@ -69,6 +62,7 @@ def main(names: Sequence[str]) -> Printed:
         costs = (record.mean(row, "training")[0], record.mean(row, "costs")[1])
         shown = (f"{value:.{digits}f}" for value, digits in zip(costs, (1, 2), strict=True))
         bits = f"{integer_config(row.config, row.name).network.weight_bits} and a sign"
-        lines.append([row.name, recalled(record, row, FIVE), recalled(record, row, LATE), *shown, bits])
+        recalled = (record.cell(row, sections=sections) for sections in (FIVE, LATE))
+        lines.append([row.name, *recalled, *shown, bits])
     columns = ["", "0:500", "200:500, which the search did not see", "training, s", "ms", "bits"]
     yield BenchmarkTable(columns, lines, record="learning-kinds")
