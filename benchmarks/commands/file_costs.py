@@ -29,12 +29,15 @@ from lava_vpr.config import Config, preset
 from lava_vpr.configfile import update
 from lava_vpr.deploy.boards.board import KAPOHO_BAY, LOIHI_2
 from lava_vpr.deploy.mapping.largest_map import largest, sizing_of
+from lava_vpr.images.files import listed_images
 from lava_vpr.model import Model
 from lava_vpr.positions.frames import LAT_LON, Positions
-from lava_vpr.positions.gpx import gpx_text
+from lava_vpr.positions.gpx import gpx_text, read_gpx
+from lava_vpr.positions.track import read_table
 from lava_vpr.storage.limits import limit
 from lava_vpr.storage.writing import temporary_folder
 from lava_vpr.training.loop import split
+from lava_vpr.vectors.files import read_vectors
 
 IMAGE = "image.png"
 
@@ -138,13 +141,13 @@ def cases() -> dict[str, CostlyFile]:
     query = [*PROGRAM, "query", "model.lvpr", IMAGE, "-o", "answer.csv"]
     bundle = [*PROGRAM, "query", "bundle", IMAGE, "-o", "answer.csv"]
     few = save_blank(loihi, 2)
-    reading = "from pathlib import Path; from lava_vpr.{} import {} as read; print(len(read(Path({!r}))))"
+    reading = "from pathlib import Path; from {} import {} as read; print(len(read(Path({!r}))))"
 
     def and_few(make: Callable[[Path], object]) -> Callable[[Path], object]:
         return lambda place: (few(place), make(place))
 
-    def read(module: str, function: str, path: str) -> list[str]:
-        return [sys.executable, "-c", reading.format(module, function, path)]
+    def read(reader: Callable[[Path], object], path: str) -> list[str]:
+        return [sys.executable, "-c", reading.format(reader.__module__, reader.__name__, path)]
 
     of_vectors = f"{limit('array_bytes') // (4 * 4096) - 1:,} vectors of 4,096 values"
     return {
@@ -170,26 +173,26 @@ def cases() -> dict[str, CostlyFile]:
             "a list of 2,000,000 images",
             "the reader of lists",
             listing,
-            read("images.files", "listed_images", "long.txt"),
+            read(listed_images, "long.txt"),
         ),
         "positions": CostlyFile(
             "2,000,000 positions",
             "the reader of positions",
             positions,
-            read("positions.track", "read_table", "positions.csv"),
+            read(read_table, "positions.csv"),
         ),
         "gpx": CostlyFile(
             "a GPX track of 250,000 points",
             "the reader of positions",
             tracking,
-            read("positions.track", "read_gpx", "track.gpx"),
+            read(read_gpx, "track.gpx"),
         ),
         **{
             end: CostlyFile(
                 f"{of_vectors} (.{end})",
                 "the reader of vectors",
                 vectors(f"v.{end}"),
-                read("vectors.files", "read_vectors", f"v.{end}"),
+                read(read_vectors, f"v.{end}"),
             )
             for end in ("npz", "h5")
         },
