@@ -203,10 +203,11 @@ def cases() -> dict[str, CostlyFile]:
 @click.option("--only", multiple=True, help="Names of cases.")
 def main(only: Sequence[str]) -> Printed:
     """What the costliest files cost."""
-    rows = []
-    for name, case in cases().items():
-        if only and name not in only:
-            continue
+    rows, every = [], cases()
+    if unknown := set(only) - set(every):
+        raise click.BadParameter(f"{', '.join(sorted(unknown))}: choose among {', '.join(every)}", param_hint="--only")
+    for name in only or every:
+        case = every[name]
         with temporary_folder() as place:
             cv2.imwrite(str(place / IMAGE), np.random.default_rng(0).integers(0, 256, (64, 96), np.uint8))
             case.make(place)
