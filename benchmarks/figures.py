@@ -15,6 +15,8 @@ from lava_vpr.errors import InputError
 from lava_vpr.show.table import Table
 from lava_vpr.storage.writing import write_atomically
 
+WITHOUT_CAPTION = ("season-short",)
+"""Records of README, whose own words give their conditions."""
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "results"
 
 
@@ -75,7 +77,7 @@ def markdown(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def section(name: str) -> str:
-    """The table of a record, for a page.
+    """The table of a record, for a page, with its command and conditions below.
 
     Raises:
         InputError: as `read`, or a row has not as many cells as there are columns.
@@ -85,7 +87,8 @@ def section(name: str) -> str:
         raise InputError(
             f"{name}.json: a row has not {len(figures.columns)} cells, as there are columns; give it as many"
         )
-    return markdown(figures.columns, figures.rows)
+    table = markdown(figures.columns, figures.rows)
+    return table if name in WITHOUT_CAPTION else f"{table}\n\n*`{figures.command}`: {figures.conditions}.*"
 
 
 PARTS = {name: partial(section, name) for name in names()}

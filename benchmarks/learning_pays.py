@@ -188,12 +188,12 @@ SCENARIOS: Mapping[str, tuple[Callable[[int, Random], Scenario], Sequence[int]]]
         lambda first, rng: Scenario([nordland(0, first)], nordland(1, first), tolerance=1, neurons=0.5, kept=2),
         SECTIONS,
     ),
-    "synthetic: summer, rain and night learned, 30 % of each under a wrong label, winter asked": (
+    "synthetic: summer, rain and night learned, 30 % of each under a wrong label, queried in winter": (
         lambda world, rng: wrongly(seasons(world, "summer", "rain", "night"), rng),
         WORLDS,
     ),
-    "synthetic: summer learned, winter asked": (lambda world, rng: seasons(world, "summer"), WORLDS),
-    "synthetic: summer, rain and night learned, winter asked": (
+    "synthetic: learned in summer, queried in winter": (lambda world, rng: seasons(world, "summer"), WORLDS),
+    "synthetic: summer, rain and night learned, queried in winter": (
         lambda world, rng: seasons(world, "summer", "rain", "night"),
         WORLDS,
     ),

@@ -3,7 +3,7 @@
     LAVA_VPR_DATA=... python -m benchmarks descriptors.recall [--seeds 0,1,2] [--chosen-on] [--record]
 
 OpenCV's HOG of 64 x 64 grey images (1,764 values, `lava_vpr.inputs.patches.hog`) is given as any descriptor would be.
-For each section of 100 places, summer learned and winter asked, and in the mean it prints R@1 in percent of the
+For each section of 100 places, learned in summer and queried in winter, and in the mean it prints R@1 in percent of the
 vectors' cosine as they are and standardised, of the cosine of the network's inputs, of the network without learning and
 as learned.
 

@@ -2,11 +2,11 @@
 
     LAVA_VPR_DATA=... python -m benchmarks front_end.direct [--record] [--choose]
 
-Nordland, summer learned and winter asked, exact matches. Numbers of the front end, lengths, threshold and inhibition
-were chosen on places 0:200 in both directions and on Gardens Point 0:50, both drives learned (at most three places
-off): ``--choose`` makes that search, benchmarks/front_end/direct.log is its log. Scores within 1.2 of the best, the
-standard error of 400 answers, do not differ for sure; among these trials we took the one that is highest on Nordland.
-With 49 steps the board takes at most 150 uJ as modelled; `fast` has 32.
+Nordland, learned in summer and queried in winter, exact matches. Numbers of the front end, lengths, threshold and
+inhibition were chosen on places 0:200 in both directions and on Gardens Point 0:50, both drives learned (at most three
+places off): ``--choose`` makes that search, benchmarks/front_end/direct.log is its log. Scores within 1.2 of the best,
+the standard error of 400 answers, do not differ for sure; among these trials we took the one that is highest on
+Nordland. With 49 steps the board takes at most 150 uJ as modelled; `fast` has 32.
 """
 
 from __future__ import annotations

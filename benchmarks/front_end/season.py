@@ -2,8 +2,8 @@
 
     LAVA_VPR_DATA=... python -m benchmarks front_end.season [--record]
 
-Nordland, summer learned by STDP and winter asked in driving order, exact matches; nothing is known of the season
-before. Settings of gains are those of `benchmarks.learning.season`, found with other inputs while looking at all
+Nordland, learned in summer by STDP and queried in winter in driving order, exact matches; nothing is known of the
+season before. Settings of gains are those of `benchmarks.learning.season`, found with other inputs while looking at all
 places. In one run gains are in the weights, which are quantised again in each epoch.
 """
 

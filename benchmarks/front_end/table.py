@@ -2,10 +2,10 @@
 
     LAVA_VPR_DATA=... python -m benchmarks front_end.table [--record]
 
-Nordland, summer learned and winter asked, exact matches. Forms were chosen on places 0:200 in both directions and on
-Gardens Point 0:50; the five sections and all 500 places are printed. Templates stand behind every form, with seed 0,
-and STDP behind some lengths of the chosen one. What is counted of a presentation: its steps, neurons times steps, and
-the spikes of all populations but the clock, a mean of the references.
+Nordland, learned in summer and queried in winter, exact matches. Forms were chosen on places 0:200 in both directions
+and on Gardens Point 0:50; the five sections and all 500 places are printed. Templates stand behind every form, with
+seed 0, and STDP behind some lengths of the chosen one. What is counted of a presentation: its steps, neurons times
+steps, and the spikes of all populations but the clock, a mean of the references.
 """
 
 from __future__ import annotations

@@ -137,7 +137,7 @@ CASES: Mapping[str, tuple[Callable[[int, Random], SeasonDrive], Sequence[int]]] 
     "HOG vectors of Nordland 0:500": (vectors, ONCE),
     f"a second winter drive (images shifted by up to {100 * AGAIN[0]:.0f} %, pixel noise of {AGAIN[1]:.0f}), beginning "
     "with the season of the first": (second, SECTIONS),
-    "synthetic: winter asked, then night, within one drive; the night counts": (turning, WORLDS),
+    "synthetic: queried in winter, then at night, within one drive; the night counts": (turning, WORLDS),
 }
 
 

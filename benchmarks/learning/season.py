@@ -69,17 +69,17 @@ NEAR, FAR = SeasonedMap(PlacesSection("nordland_all", 0, 500)), SeasonedMap(Plac
 WHOLE = SeasonedMap(PlacesSection("nordland_all", 0, 1500))
 Ways = tuple[SeasonedMap, ...]
 UNSEEN: Mapping[str, Ways] = {
-    f"{way.section.end - way.section.first:,} places, {asked} asked": (way._replace(season=season),)
+    f"{way.section.end - way.section.first:,} places, queried in {asked}": (way._replace(season=season),)
     for way in (NEAR, FAR, WHOLE)
     for season, asked in enumerate(("winter", "summer"))
 } | {
-    "five sections of 100, winter asked": tuple(map(SeasonedMap, sections_of("nordland", 500))),
-    "ten further sections of 100, winter asked": tuple(map(SeasonedMap, sections_of("nordland_long", 1000))),
-    "Gardens Point 50:100, the other side asked": (SeasonedMap(PlacesSection("gardens", 50, 100), 0, 2),),
-    "Gardens Point 50:100, the first side asked": (SeasonedMap(PlacesSection("gardens", 50, 100), 1, 2),),
+    "five sections of 100, queried in winter": tuple(map(SeasonedMap, sections_of("nordland", 500))),
+    "ten further sections of 100, queried in winter": tuple(map(SeasonedMap, sections_of("nordland_long", 1000))),
+    "Gardens Point 50:100, queried from the other side": (SeasonedMap(PlacesSection("gardens", 50, 100), 0, 2),),
+    "Gardens Point 50:100, queried from the first side": (SeasonedMap(PlacesSection("gardens", 50, 100), 1, 2),),
 }
 """Maps by name; of several, each is learned and asked by itself."""
-SHORT = ("500 places, winter asked", "1,500 places, winter asked", "ten further sections of 100, winter asked")
+SHORT = tuple(f"{these}, queried in winter" for these in ("500 places", "1,500 places", "ten further sections of 100"))
 """Those that README shows."""
 CHOSEN = [
     SeasonedMap(section, season, tolerance)
@@ -252,7 +252,7 @@ def carried(seeds: Sequence[int]) -> Printed:
             for kept, how in zip(cells, (ADAPTING, frozen, LEARNING), strict=True):
                 kept.append(figures(driven(model, there, how).scores, there))
         rows.append([str(here), str(there), *map(recall, cells)])
-    columns = ["learned on", "asked", "adapted", "and that season, frozen", "and its own, learned"]
+    columns = ["learned on", "queried", "adapted", "and that season, frozen", "and its own, learned"]
     yield BenchmarkTable(columns, rows, record="season-carried")
 
 
@@ -270,7 +270,7 @@ def known(seeds: Sequence[int]) -> Printed:
             for kept, how in zip(cells, (ADAPTING, dataclasses.replace(ADAPTING, season=season)), strict=True):
                 kept.append(figures(driven(other, there, how).scores, there))
         rows.append([str(here), f"{taught / len(seeds):.0f}", str(there), *map(recall, cells)])
-    columns = ["pairs of", "taught", "asked", "adapted", "and that season, frozen"]
+    columns = ["pairs of", "taught", "queried", "adapted", "and that season, frozen"]
     yield BenchmarkTable(columns, rows, record="season-known")
 
 
@@ -279,7 +279,7 @@ def assured(seeds: Sequence[int]) -> Printed:
     rows = []
     for section in (PlacesSection("nordland_all", 500, 1000), FAR.section):
         for season, asked in enumerate(("winter", "summer")):
-            way, row = SeasonedMap(section, season), [f"{section.end - section.first:,} places, {asked} asked"]
+            way, row = SeasonedMap(section, season), [f"{section.end - section.first:,} places, queried in {asked}"]
             models = [learned(way, STDP, seed) for seed in seeds]
             calibrations = [calibration_of(model, ALL_CORES) for model in models]
             for how in (ADAPTING, LEARNING):
@@ -326,7 +326,7 @@ def astray(seeds: Sequence[int]) -> Printed:
             rows.append([name, asked, f"{100 * taught:.1f}", f"{100 * least:.0f} to {100 * most:.0f}"])
     columns = [
         "an answer by",
-        f"asked of a map of {NEAR}",
+        f"queries of a map of {NEAR}",
         "taught, %",
         f"sure of any {RECENT} answers, %",
     ]
@@ -362,7 +362,7 @@ def settings(seeds: Sequence[int]) -> BenchmarkTable:
     for name, number, value in changes:
         with patch.object(teaching if number == "ALONE" else gains, number, value):
             rows.append([name, *(_chosen(way, LEARNING, seeds) for way in CHOSEN)])
-    columns = ["numbers", *(f"{way.section}, {'summer' if way.season else 'winter'} asked" for way in CHOSEN)]
+    columns = ["numbers", *(f"{way.section}, queried in {'summer' if way.season else 'winter'}" for way in CHOSEN)]
     return BenchmarkTable(columns, rows)
 
 

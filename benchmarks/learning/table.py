@@ -2,10 +2,10 @@
 
     LAVA_VPR_DATA=... .venv-torch/bin/python -m benchmarks learning.table [--learner NAME] [--record]
 
-Five Nordland sections of 100 places, summer learned and winter asked, three seeds; exact matches. Settings were chosen
-on the first two sections and Gardens Point (`benchmarks.learning.search`, `benchmarks.presets`). Training time is that
-of processors, so that what else runs does not count. Figures are kept in table.json, as those of the results are in
-docs/results.json: what is known under today's settings and sources is not learned again.
+Five Nordland sections of 100 places, learned in summer and queried in winter, three seeds; exact matches. Settings were
+chosen on the first two sections and Gardens Point (`benchmarks.learning.search`, `benchmarks.presets`). Training time
+is that of processors, so that what else runs does not count. Figures are kept in table.json, as those of the results
+are in docs/results.json: what is known under today's settings and sources is not learned again.
 """
 
 from __future__ import annotations

@@ -133,7 +133,9 @@ def _refuse(model: Model, path: Path, request: Request) -> None:
     if reason is not None:
         raise ConfigError(f"{path}: --sweep: {reason}")
     for name in request.targets:
-        plan_of(lif_model(model, BOARDS[name].title, path), BOARDS[name])
+        found = lif_model(model, BOARDS[name].title, path, direct=True)
+        if not found.network.direct:  # the table from pixels to places has the cost of all others
+            plan_of(found, BOARDS[name])
     for name in request.backends:
         registry.require(name, model)
 

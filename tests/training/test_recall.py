@@ -1,7 +1,7 @@
 """Recall on the built-in world, so that it is checked where no real images are at hand, and in every run of the tests.
 
-A hundred places, summer learned, winter asked. The bounds stand a little below what the presets reach, 98 to 100 %, and
-far above what is left of it where learning or decoding is broken, which is tried, too.
+A hundred places, learned in summer, queried in winter. The bounds stand a little below what the presets reach, 98 to
+100 %, and far above what is left of it where learning or decoding is broken, which is tried, too.
 """
 
 from __future__ import annotations

@@ -156,6 +156,8 @@ def test_neurons_that_hear_cells_learn_the_season(direct: Path, monkeypatch: pyt
 def test_bench_counts_pixels_to_places(direct: Path) -> None:
     run("bench", "d.lvpr", "query", "--backend", "host", "--json", "b.json", "--limit", "3")
     values = json.loads(Path("b.json").read_text())
+    run("bench", "d.lvpr", "query", "--backend", "host", "--json", "one.json", "--limit", "3", "--target", "loihi2")
+    assert json.loads(Path("one.json").read_text())["front_end"] == {"loihi2": values["front_end"]["loihi2"]}
     costs = values["front_end"]["kapoho-bay"]
     assert list(costs["registers"]) == ["pixels", "clearing of states", "counts of exc"]
     assert costs["registers"]["counts of exc"] == PLACES
