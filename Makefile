@@ -126,7 +126,7 @@ sanafe: $(STAMP) .venv-sanafe/.installed ## The cost model's closed form against
 	@.venv-torch/bin/python -m $(INSTALL) --no-build-isolation --no-deps --editable .
 	@touch .venv-torch/.installed
 
-ci-torch: images .venv-torch/.installed ## All that needs torch, apart from CI; writes docs/logs/ci-torch.log (LAVA_VPR_DATA; an environment of 5 GB)
+ci-torch: images .venv-torch/.installed ## All that needs torch, apart from CI; writes docs/logs/ci-torch.log (LAVA_VPR_DATA; an environment of 5.6 GB)
 	@.venv-torch/bin/python scripts/ci_torch.py
 
 test-dl: .venv-torch/.installed ## The tests of learning by SLAYER and of NetX, with lava-dl (the environment of ci-torch)

@@ -85,7 +85,7 @@ _GAP = click.option(
     metavar="SECONDS",
     help="Longest gap between two positions in which an image is placed by its time.",
 )
-_EACH = " Once for each REFERENCE, in order."
+_EACH = " Once for each traverse, in order."
 
 query_positions_options = noun(
     "where",

@@ -100,7 +100,7 @@ def test_a_record_is_read_as_it_was_written(tmp_path: Path, monkeypatch: pytest.
     figures.write("some", made)
     assert figures.names() == ["some"]
     assert figures.read("some") == made
-    assert figures.section("some") == "|  | R@1 |\n|---|---|\n| one | 95.7 |\n| two |  |"
+    assert figures.section("some") == "|  | R@1 |\n|---|---|\n| one | 95.7 |\n| two |  |\n\n*`make it`: on a µ.*"
     figures.write("short", PageTable("", "", ["", "R@1"], [["one"]]))
     with pytest.raises(InputError, match=r"short.json: a row has not 2 cells"):
         figures.section("short")

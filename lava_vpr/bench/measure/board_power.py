@@ -1,7 +1,7 @@
 """Power and time on a board, measured by the vendor's profiler with idle power subtracted; nothing here is modelled.
 
-The board's host program runs the profiler (option ``--power``). A run must be long: short ones have shown negative
-power.
+The board's host program runs the profiler (option ``--power``). A run is as long as those of public
+measurements (`STEPS`).
 """
 
 from __future__ import annotations
